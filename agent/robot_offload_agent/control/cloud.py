@@ -129,7 +129,7 @@ class CloudControlShell(ControlShell):
         """Send our notes for the robot, and the limits of the inputs that it has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         stated = replica_parameters.statements(self.comparison.compared)
-        vetoes = (*self.other_managers, *self._twins())[:MAX_VETOES]
+        vetoes = (*self.other_managers, *self._second_session(), *self._twins())[:MAX_VETOES]
         text = encode(replace(notes, vetoes=vetoes, parameters=stated, release=release()))
         self.bus.send("data", Notes(self.incarnation, text))
         settings = self.process.settings
@@ -140,6 +140,12 @@ class CloudControlShell(ControlShell):
         """Return the problems of outputs that several processes here produce."""
         status = self.process.data_status
         return tuple(p for p in (status.problems if status is not None else ()) if p[0] == Reason.TWO_REPLICAS)
+
+    def _second_session(self) -> tuple[tuple[str, str], ...]:
+        """Return the veto while another session shows the robot's certificate: its words may be a stranger's."""
+        status = self.pulse_status
+        found = status is not None and status.cause == Reason.SECOND_SESSION
+        return ((Reason.SECOND_SESSION.value, status.message),) if status is not None and found else ()
 
     def write_state(self, now: float) -> None:
         """Write the state file."""

@@ -25,6 +25,7 @@ class CloudDataShell(DataShell):
         self.process = CloudDataProcess(plan(configuration, {}), self)
         self.declared_types = {i.name: i["type"] for i in configuration.inputs if i["type"] != "auto"}
         self.publishers: dict[str, Any] = {}
+        self.published_types: dict[str, str] = {}
         self.inputs = {i.name: i for i in configuration.inputs}
         self.outputs = [
             raw.RawSubscription(self.node, o["cloud_topic"], o, False, raw.stamped(partial(self.leave, index)))
@@ -98,9 +99,14 @@ class CloudDataShell(DataShell):
             publisher.publish(payload)
         return publisher is not None
 
+    def input_type(self, name: str) -> str:
+        """Return the type under which an input is published, with the hash that it has here; "" not yet."""
+        return self.published_types.get(name, "")
+
     def input_types(self) -> dict[str, str]:
-        """Return the types of the inputs: declared, else as the robot says."""
-        return {**self.process.known_types, **self.declared_types}
+        """Return the names of the types of the inputs: declared, else as the robot says now."""
+        said = {name: of.partition(" ")[0] for name, of in self.process.known_types.items()}
+        return {**said, **self.declared_types}
 
     def resolve(self) -> bool:
         """Make publishers of inputs whose type is known, subscribe to outputs that are published."""
@@ -112,7 +118,7 @@ class CloudDataShell(DataShell):
         self._resolve_shared()
         types = self.input_types()
         for name, spec in self.inputs.items() if self.carried else ():
-            if name in self.publishers or name not in types:
+            if name not in types or self._publishes(name, types[name]):
                 continue
             try:
                 publisher = raw.make_publisher(
@@ -124,7 +130,21 @@ class CloudDataShell(DataShell):
             for value in self.process.latched.get(name, ()):
                 publisher.publish(value)
             self.publishers[name] = publisher
+            self.published_types[name] = raw.named_type(types[name], raw.own_type_hash(self.node, spec["topic"]))
+            self.process.note(f"input {name}", None)
         return all(resolved) and (not self.carried or self.publishers.keys() >= self.inputs.keys())
+
+    def _publishes(self, name: str, type_name: str) -> bool:
+        """Return whether an input is published under its type; a publisher of another type is taken away."""
+        if name not in self.publishers:
+            return False
+        if self.published_types[name].partition(" ")[0] == type_name:
+            topic = self.inputs[name]["topic"]
+            self.published_types[name] = raw.named_type(type_name, raw.own_type_hash(self.node, topic))
+            return True
+        del self.published_types[name]
+        self.node.destroy_publisher(self.publishers.pop(name))
+        return False
 
     def on_room(self, channel: str) -> None:
         """Do nothing: what the cloud says does not wait."""

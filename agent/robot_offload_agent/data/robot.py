@@ -48,7 +48,7 @@ class RobotDataShell(DataShell):
 
     def types(self) -> dict[str, str]:
         """Return the types of the inputs that have been found in the graph."""
-        return {s.spec.name: s.type_name for s in self.inputs if s.type_name}
+        return {s.spec.name: raw.named_type(s.type_name, s.type_hash) for s in self.inputs if s.type_name}
 
 
 def run(configuration: Configuration) -> None:

@@ -105,6 +105,13 @@ def graph_type_hash(node: Node, topic: str) -> str:
     return hashes.pop() if len(hashes) == 1 else ""
 
 
+def own_type_hash(node: Node, topic: str) -> str:
+    """Return the hash of the type of our own publisher of a topic; "" where rmw gives none."""
+    mine = [i for i in node.get_publishers_info_by_topic(topic) if i.node_name == node.get_name()]
+    hashes = {str(getattr(info, "topic_type_hash", "") or "") for info in mine}
+    return hashes.pop() if len(hashes) == 1 else ""
+
+
 def publication_qos(spec: Named, latched: bool) -> QoSProfile:
     """Return QoS for what we publish: reliable, so that every kind of subscriber can match."""
     return profile(spec, reliable=True, kept=latched)

@@ -33,6 +33,7 @@ from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import OutputSpec
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.topic_kinds import same_type
 
 TURN_S = 0.060
 """The process looks at least this often whether anything has changed that control must know.
@@ -224,7 +225,11 @@ class CollectorProcess:
 
     def _mirror(self, published: list[tuple[int, Any]]) -> None:
         """Send what passed of the robot to consumers in the cloud."""
-        mirrored = [(other, passed) for other, passed in published if self.plan.mirrored[other]]
+        differ = Reason.TYPES_DIFFER.value  # the cloud would publish the bytes under its own type
+        mirrored = [
+            (other, passed) for other, passed in published
+            if self.plan.mirrored[other] and self._refusal(other) != differ
+        ]  # fmt: skip
         if not mirrored:
             return
         header = self._header()
@@ -403,12 +408,6 @@ class CollectorProcess:
             problems, counters = tuple(self.problems.values()), tuple(sorted(self.counters.items()))
             status = CollectorStatus(report, problems, counters, self.ages.known(now_s), self.silence.known(now_s))
         (self.ports.send if news else self.ports.renew)("control", status)
-
-
-def same_type(one: str, other: str) -> bool:
-    """Return whether two types are the same: by name, and by hash where both have one."""
-    names, hashes = zip(*((text.partition(" ")[0], text.partition(" ")[2]) for text in (one, other)), strict=True)
-    return names[0] == names[1] and ("" in hashes or hashes[0] == hashes[1])
 
 
 def report_period_s(lease_s: float) -> float:

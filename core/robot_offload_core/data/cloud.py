@@ -18,8 +18,10 @@ from robot_offload_core.words import envelope
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import CloudData, SetEgress
 from robot_offload_core.words.messages import DataStatus, Egress, Limits, Reported
+from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.topic_kinds import same_type
 from robot_offload_core.words.veil import veil_token
 
 REPORT_PERIOD_S = 0.2
@@ -57,6 +59,9 @@ class CloudDataPorts(DataPorts, Protocol):
     def fill(self, index: int, payload: Any) -> None:
         """Publish on the replica's private topic what it would otherwise receive on the public topic."""
 
+    def input_type(self, name: str) -> str:
+        """Return the type under which an input is published, behind a blank its hash where known; "" not yet."""
+
     def publish_input(self, name: str, payload: Any) -> bool:
         """Publish a message of an input to the replicas; return False while its type is not known."""
 
@@ -71,7 +76,7 @@ class CloudDataProcess(DataProcess):
         accepted: arrival of the newest message of each input, and the bound of its age then.
         spoke_s: when a replica last published each output, whether or not it could leave.
         mirror: gate in front of the consumers in the cloud. kept: the newest message of each output.
-        wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says.
+        wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says now.
     """
 
     def __init__(self, plan: DataPlan, ports: CloudDataPorts) -> None:
@@ -240,13 +245,20 @@ class CloudDataProcess(DataProcess):
         if kind == "others" and self.index.get(name) in self.loops:
             self._take_others(self.index[name], name, opened, payload)
             return
-        if kind != "in" or name not in self.max_age_ms:
-            return
+        if kind == "in" and name in self.max_age_ms:
+            self._take_input(name, opened, payload)
+
+    def _take_input(self, name: str, opened: Envelope, payload: Any) -> None:
+        """Take a message of an input: what is young enough, newer than the last and of the right type is published."""
         now_s = self.ports.now_s()
         known = opened.token.cloud == self.egress.incarnation  # else the echo is of another host's clock
         age_s = opened.age_s(now_s) if known else float("inf")
         if self.max_age_ms[name] and age_s * 1e3 > self.max_age_ms[name]:
             self.counters[f"{name}.too_old"] += 1
+            return
+        refusal = self._refusal(name, opened.token.robot)
+        if refusal:  # what reaches nobody must not count as fresh
+            self.counters[f"{name}.{refusal}"] += 1
             return
         source = (opened.token.robot, opened.sequence)
         with self.ports.lock:
@@ -262,6 +274,17 @@ class CloudDataProcess(DataProcess):
                 self.ages.came(name, age_s, now_s)
         published = self.ports.publish_input(name, payload)
         self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
+
+    def _refusal(self, name: str, robot: str) -> str:
+        """Return why a message of an input must not be published, "" when it may.
+
+        The robot's type counts as long as it is the same life of the robot that has said it.
+        """
+        theirs = self.known_types.get(name, "") if self.probe and self.probe.incarnation == robot else ""
+        if not theirs:
+            return "no_type"
+        ours = self.ports.input_type(name)
+        return "" if not ours or same_type(ours, theirs) else Reason.TYPES_DIFFER.value
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
         """Let the replica here hear on its private topic what the robot's has said."""
@@ -333,9 +356,14 @@ class CloudDataProcess(DataProcess):
         prepares = egress.egress.token is not None and not egress.egress.in_charge
         preparing = egress.egress.token.epoch if prepares and egress.egress.token is not None else 0
         return Probe(
-            egress.incarnation, self.digests(), self.ports.types(), dict(egress.nodes), egress.word,
+            egress.incarnation, self.digests(), self._types(), dict(egress.nodes), egress.word,
             preparing=preparing, lacks=self.lacks,
         )  # fmt: skip
+
+    def _types(self) -> dict[str, str]:
+        """Return the types of outputs here, and those under which inputs are published."""
+        inputs = {name: self.ports.input_type(name) for name in self.max_age_ms if name not in self.index}
+        return self.ports.types() | {name: of for name, of in inputs.items() if of}
 
     def knows(self, incarnation: str) -> bool:
         """Return True for the robot served: a second one of the same identity must not disturb the first."""
@@ -362,8 +390,12 @@ class CloudDataProcess(DataProcess):
             with self.ports.lock:
                 for name in self.latched:
                     self._drop_older(name)
-        for name, type_name in received.types.items():
-            self.known_types.setdefault(name, type_name)
+        types = {name: received.type_of(name) for name in received.types}
+        for name, of in types.items():
+            if name in self.latched and not same_type(self.known_types.get(name, of), of):
+                with self.ports.lock:
+                    self.latched[name] = []  # bytes of the type before mean something else now
+        self.known_types = {**self.known_types, **types}
 
     def complete(self) -> bool:
         """Return whether the latched inputs are the robot's."""

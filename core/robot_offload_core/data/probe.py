@@ -27,6 +27,7 @@ MAX_NAME = 256
 """Characters of a name, a hash, a type or a state."""
 MAX_WORD = 2048
 INTERFACE = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*( [A-Za-z0-9_]{1,100})?")
+HASH = re.compile(r"[A-Za-z0-9_]{1,100}")
 
 
 class ProbeError(ValueError):
@@ -66,6 +67,7 @@ class Probe:
         preparing: epoch under which the sender gets ready; 0 while it does not.
         lacks: why the sender does not know a state of the side that acts, by the state's name.
         digest, held: see Sign.
+        hashes: of the types of inputs, by name, as the robot says; apart, because an older cloud reads a name alone.
     """
 
     incarnation: str
@@ -78,6 +80,11 @@ class Probe:
     held: str = ""
     preparing: int = 0
     lacks: dict[str, str] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)
+
+    def type_of(self, name: str) -> str:
+        """Return the type of an input or output, behind a blank its hash where known; "" where it is not known."""
+        return " ".join(filter(None, (self.types.get(name, ""), self.hashes.get(name, ""))))
 
 
 def encode(sent: Probe | Sign) -> bytes:
@@ -86,6 +93,7 @@ def encode(sent: Probe | Sign) -> bytes:
     if isinstance(sent, Probe):
         body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
         body |= {"p": sent.preparing, "a": sent.lacks}
+        body |= {"y": sent.hashes} if sent.hashes else {}
     return json.dumps(body, separators=(",", ":")).encode()
 
 
@@ -119,8 +127,10 @@ def decode(data: bytes) -> Probe | Sign:
     preparing = body.get("p", 0)
     if type(preparing) is not int or preparing < 0:
         raise ProbeError("BadForm", f"{preparing!r:.40} is no epoch")
-    lacks = _table(body.get("a", {}))
-    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held, preparing, lacks)
+    lacks, hashes = _table(body.get("a", {})), _table(body.get("y", {}))
+    if not all(map(HASH.fullmatch, hashes.values())):
+        raise ProbeError("BadForm", "the hash of an interface type has another form")
+    return Probe(incarnation, latched, types, nodes, word, notes, sign.digest, sign.held, preparing, lacks, hashes)
 
 
 def _text(value: object, limit: int) -> str:

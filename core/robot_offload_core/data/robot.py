@@ -15,8 +15,10 @@ from robot_offload_core.words import envelope
 from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import DataReported, StateReported
 from robot_offload_core.words.messages import ENVELOPE, OTHERS, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
+from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.topic_kinds import same_type
 from robot_offload_core.words.veil import unveil_token
 
 RESEND_PERIOD_S = 0.5
@@ -170,7 +172,10 @@ class RobotDataProcess(DataProcess):
 
     def make_probe(self) -> Probe:
         """Return identity, hashes of latched inputs, types found in the graph, and the answer to a request."""
-        return Probe(self.orders.incarnation, self.digests(), self.ports.types(), word=self.orders.word)
+        found = {name: of.partition(" ") for name, of in self.ports.types().items()}
+        types = {name: parts[0] for name, parts in found.items()}
+        hashes = {name: parts[2] for name, parts in found.items() if parts[2]}
+        return Probe(self.orders.incarnation, self.digests(), types, word=self.orders.word, hashes=hashes)
 
     def knows(self, incarnation: str) -> bool:
         """Return True for the cloud that the pulse hears, and for any other while that one is silent here.
@@ -186,6 +191,7 @@ class RobotDataProcess(DataProcess):
     def probed(self, received: Probe) -> None:
         """Send latched values again that the cloud does not hold, and hand its types to the collector."""
         now_s = self.ports.now_s()
+        self._compare_inputs(received)
         types = tuple(sorted((name, of) for name, of in received.types.items() if name in self.index))
         tell = self.ports.renew if types == self.told_types else self.ports.send
         self.told_types = types
@@ -201,6 +207,15 @@ class RobotDataProcess(DataProcess):
                         self.ports.cross(name, self._header(name), value)
                     else:
                         self.send_input(name, value)
+
+    def _compare_inputs(self, received: Probe) -> None:
+        """Note inputs that the cloud publishes under another type than here: none of their messages arrive."""
+        ours = self.ports.types()
+        for name in self.thinning.keys() - self.index.keys():
+            here, there = ours.get(name, ""), received.types.get(name, "")
+            same = not here or not there or same_type(here, there)
+            message = f"Input {name} is {here} here and {there} in the cloud"
+            self.note(f"type {name}", None if same else (Reason.TYPES_DIFFER.value, message))
 
     def opened(self, header: bytes) -> Envelope:
         """Read a header of the cloud, which names us by a hash; raise EnvelopeError."""

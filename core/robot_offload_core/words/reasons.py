@@ -213,7 +213,7 @@ class Reason(Explained):
 
     # hard limits: found by other processes
     TYPES_DIFFER = (
-        "TypesDiffer", Kind.LIMIT, "An output has another interface type in the cloud than on the robot",
+        "TypesDiffer", Kind.LIMIT, "An output or input has another interface type in the cloud than on the robot",
         "Run the same version and parameters on both sides, or declare the type",
     )  # fmt: skip
     DUPLICATE_AGENT = (
@@ -237,6 +237,10 @@ class Reason(Explained):
     SECOND_LIFECYCLE_MANAGER = (
         "SecondLifecycleManager", Kind.VETO, "Another program changes the lifecycle states of the managed nodes",
         "Take the duplicated nodes out of the other lifecycle manager's list",
+    )  # fmt: skip
+    SECOND_SESSION = (
+        "SecondSession", Kind.VETO, "Two sessions show this robot's certificate: a second agent, or a copy of the key",
+        "End the second agent, or revoke the certificate",
     )  # fmt: skip
     CLOCK_OFFSET = (
         "ClockOffset", Kind.VETO, "The system clocks of the two sides differ by more than `maxClockOffset`",

@@ -1,10 +1,16 @@
-"""Whether a topic is of the kind that was declared."""
+"""Whether a topic is of the kind that was declared, and of the same on both sides."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from robot_offload_core.words.reasons import Reason
+
+
+def same_type(one: str, other: str) -> bool:
+    """Return whether two types are the same: by name, and by hash where both have one."""
+    names, hashes = zip(*((text.partition(" ")[0], text.partition(" ")[2]) for text in (one, other)), strict=True)
+    return names[0] == names[1] and ("" in hashes or hashes[0] == hashes[1])
 
 
 def otherwise(topic: str, declared: str, found: Iterable[tuple[str, str]]) -> tuple[str, str] | None:

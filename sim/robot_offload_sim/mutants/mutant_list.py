@@ -660,6 +660,22 @@ MUTANTS: dict[str, Mutant] = {
         "older_robot",
         (Edit("pulse.pulse", "version=VERSION if heard is None else heard.version", "version=VERSION"),),
     ),
+    "N5": Mutant(
+        "an input is published whatever type the robot's message has",
+        "types_that_differ",
+        (
+            Edit(
+                "data.cloud",
+                'return "" if not ours or same_type(ours, theirs) else Reason.TYPES_DIFFER.value',
+                'return ""',
+            ),
+        ),
+    ),
+    "N6": Mutant(
+        "inputs of different types are no limit",
+        "types_that_differ",
+        (Edit("data.robot", "        self._compare_inputs(received)\n", ""),),
+    ),
     "N4": Mutant(
         "lists in another order are compared by place",
         "lists_in_another_order",

@@ -21,6 +21,7 @@ from robot_offload_core.words.veil import unveil_token
 from robot_offload_sim.sides.shells import (
     EFFECT_S,
     LOOK_S,
+    TYPE,
     DataShell,
     PulseShell,
     Shell,
@@ -233,6 +234,7 @@ class CloudData(DataShell):
         self.process = CloudDataProcess(around.scenario.cloud_plan, self)
         self.sent: deque[tuple[str, bytes, Payload]] = deque(maxlen=SENT_KEPT)
         self.count = 0
+        self.input_types: dict[str, str] = {}
         self.since = [Since() for _ in around.scenario.outputs]
         scenario = around.scenario
         self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
@@ -288,6 +290,10 @@ class CloudData(DataShell):
         """Publish on the private topic: the replica hears it, and so do we."""
         self.around.witness.filled(Site.CLOUD, index, payload)
         self.post(self.name, self.process.leave, index, payload)
+
+    def input_type(self, name: str) -> str:
+        """Return the type under which an input is published; the robot's, unless a fault says otherwise."""
+        return self.input_types.get(name, TYPE)
 
     def publish_input(self, name: str, payload: Sensed) -> bool:
         """Publish to the replicas."""

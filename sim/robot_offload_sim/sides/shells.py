@@ -182,7 +182,8 @@ class DataShell(Shell):
 
     def types(self) -> dict[str, str]:
         """Return the one type that all payloads here have."""
-        return {output.name: TYPE for output in self.process.plan.outputs}
+        plan = self.process.plan
+        return dict.fromkeys((*(o.name for o in plan.outputs), *(i.name for i in plan.inputs)), TYPE)
 
     def warn(self, message: str) -> None:
         """Keep a warning for the story."""

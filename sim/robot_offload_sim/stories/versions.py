@@ -24,6 +24,25 @@ def lists_in_another_order() -> None:
     stage.expect(not stage.by_hand(Site.CLOUD), "and the cloud cannot be had by hand")
 
 
+def types_that_differ() -> None:
+    """An input that the cloud publishes under another type is a hard limit, and none of its messages is published."""
+    stage = Stage(inputs=(SCAN, MAP), input_periods_s=(0.05, 0.5))
+    stage.in_cloud()
+    stage.cloud.data.input_types["map"] = "simulated/msg/Other"
+    heard: list[str] = []
+    publish = stage.cloud.data.publish_input
+
+    def keep(name: str, payload: Any) -> bool:
+        heard.append(name)
+        return publish(name, payload)
+
+    stage.cloud.data.publish_input = keep  # type: ignore[method-assign]
+    stage.until(lambda: stage.machine.decided.reason == "TypesDiffer", 3.0, "the other type is a limit")
+    stage.until(lambda: stage.site is Site.ROBOT, 1.0, "the robot acts")
+    stage.expect("scan" in heard, "what has the same type is published")
+    stage.expect("map" not in heard, "bytes of another type are not")
+
+
 def the_robots_name_stays_with_the_robot() -> None:
     """Nothing that the cloud says holds the robot's incarnation, with which a copy of the key could speak as it."""
     stage = Stage()
@@ -117,4 +136,4 @@ def _translate(wire: Any, say: Any) -> None:
     wire.carry = carried
 
 
-STORIES = (lists_in_another_order, the_robots_name_stays_with_the_robot, older_robot, older_cloud)
+STORIES = (lists_in_another_order, types_that_differ, the_robots_name_stays_with_the_robot, older_robot, older_cloud)

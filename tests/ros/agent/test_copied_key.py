@@ -47,7 +47,8 @@ class Thief:
         plain = session_config(settings, open_timeout_ms=20_000)
         del plain["access_control"]
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(plain)))
-        session.declare_subscriber(f"{self.prefix}/**", self._hear)
+        for side in ("cloud", "robot"):  # one for all keys would be refused whole
+            session.declare_subscriber(f"{self.prefix}/{side}/{name}/**", self._hear)
         return session
 
     def _hear(self, sample: zenoh.Sample) -> None:

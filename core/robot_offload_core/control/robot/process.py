@@ -49,7 +49,7 @@ DEADLINE_MARGIN_S = 0.0005
 VETOES = {
     reason.value: reason for reason in (
         Reason.SECOND_PUBLISHER, Reason.UNDECLARED_PUBLISHER, Reason.TYPES_DIFFER, Reason.DUPLICATE_AGENT,
-        Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER, Reason.TWO_REPLICAS,
+        Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER, Reason.TWO_REPLICAS, Reason.SECOND_SESSION,
     )
 }  # fmt: skip
 """Problems that other processes find and that forbid the cloud, or hinder the policy."""

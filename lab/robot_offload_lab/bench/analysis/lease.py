@@ -73,14 +73,16 @@ def leavings(observations: Sequence[Observation], lease_s: float, begin_s: float
     """
     given: dict[Token, tuple[list[float], list[float]]] = {}
     for grant in grants(observations):
-        arrived, sent = given.setdefault(veil_token(grant.token), ([], []))
+        arrived, sent = given.setdefault(grant.token, ([], []))
         arrived.append(grant.t_s)
         sent.append(max(grant.sent_s, sent[-1] if sent else 0.0))
+    named = {veil_token(token): token for token in given}
     found = []
     for departed in only(Departed, observations):
         if departed.t_s < begin_s:
             continue
-        token = envelope.decode(bytes.fromhex(departed.header)).token
+        said = envelope.decode(bytes.fromhex(departed.header)).token
+        token = named.get(said, said)
         arrived, sent = given.get(token, ([], []))
         known = bisect.bisect_right(arrived, departed.t_s + ORDER_SLACK_S)
         late_s = departed.t_s - (sent[known - 1] + lease_s) if known else None

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from robot_offload_core.collector.process import CollectorPlan, CollectorProcess, same_type
+from robot_offload_core.collector.process import CollectorPlan, CollectorProcess
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.words import envelope
 from robot_offload_core.words.codec import plain, typed
@@ -17,6 +17,7 @@ from robot_offload_core.words.messages import ENVELOPE, PASSED, Carried, CloudTy
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
 from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.topic_kinds import same_type
 
 TWIST = "geometry_msgs/msg/Twist"
 STAMPED = "geometry_msgs/msg/TwistStamped"

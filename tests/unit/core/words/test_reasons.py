@@ -27,7 +27,9 @@ def test_every_reason_says_its_cause_in_one_sentence_part(reason: Reason) -> Non
 
 
 def test_who_waits_for_no_dwell() -> None:
-    vetoes = {"SecondPublisher", "TwoReplicas", "UndeclaredPublisher", "SecondLifecycleManager"}
+    vetoes = {
+        "SecondPublisher", "TwoReplicas", "UndeclaredPublisher", "SecondLifecycleManager", "SecondSession",
+    }  # fmt: skip
     urgent = {"ByHand", "PinnedToRobot", "PinnedToCloud", "ClockOffset", "PodStopping"} | vetoes
     assert {r.value for r in Reason if r.urgent} == urgent
     assert {r.value for r in Reason if r.chosen} == urgent | {"RobotPreferred"}
