@@ -122,7 +122,7 @@ FAULTS = {
         (Edit("fence.grant", "now_s < grant.clear_s", "now_s + 1 < grant.clear_s"),),
     ),
     "R2": Fault(
-        "the robot takes over under the epoch for which the cloud got ready", GateWorld, "both sides",
+        "the robot takes over under the epoch for which the cloud got ready", GateWorld, "effects of the robot",
         (Edit("fence.grant", "    epoch = grant.last_epoch + 1\n", "    epoch = grant.epoch + 1\n"),),
     ),
     "R3": Fault(
