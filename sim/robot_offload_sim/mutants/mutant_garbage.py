@@ -8,7 +8,9 @@ STORY = "garbage_in_every_channel"
 GARBAGE: dict[str, Mutant] = {
     "E2": Mutant("headers of another version are read", STORY, (Edit("fence.envelope", "magic != MAGIC or ", ""),)),
     "E3": Mutant(
-        "beats of another version are read", STORY, (Edit("words.beats", "if version != VERSION:", "if False:"),)
+        "beats of another version are read",
+        STORY,
+        (Edit("words.beats", "if version not in (VERSION, PREVIOUS):", "if False:"),),
     ),
     "E4": Mutant(
         "probes of another version are read", STORY,

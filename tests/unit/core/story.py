@@ -211,7 +211,7 @@ class Story:
             return
         self.robot_pulse, newer = pulse.hear(self.robot_pulse, beat, self.now_s)
         if newer:
-            self.tell(placement.CloudBeat(beat, self.now_s, WALL_US))
+            self.tell(placement.CloudBeat(beats.unveil(beat, ROBOT), self.now_s, WALL_US))
 
     def _report(self) -> None:
         age_s = None if self._heard_s is None else self.now_s - self._heard_s

@@ -91,7 +91,7 @@ def test_the_collector_refuses_a_state() -> None:
         ({"next": Charge(Site.CLOUD, Token(ROBOT, 6, CLOUD)), "fell_back": True}, "fell back"),
     ):
         with pytest.raises(InvariantError, match=rule):
-            gate.check(state, replace(state, **change), "test")  # type: ignore[arg-type]
+            gate.check(state, replace(state, fence=replace(state.fence, **change)), "test")  # type: ignore[arg-type]
 
 
 def test_a_gate_that_names_an_older_side_as_next_arms_nobody() -> None:
