@@ -15,13 +15,6 @@ from typing import Final
 
 BASE: Final = "9d85a0a80939e9494e565955e80cad654b437189"
 """The last commit before the rule."""
-EXCUSED: Final = frozenset(
-    {
-        "265400637af27bc2d1d07a4bc9ee9c3ae2727a9d",
-        "fc2177e972134a25cc999f468c2b508586358402",
-    }
-)
-"""Commits whose one sentence was written while the rule was being introduced."""
 MAX_SUBJECT: Final = 60
 MIN_SENTENCES: Final = 2
 _NOT_IMPERATIVE: Final = re.compile(
@@ -73,7 +66,7 @@ def _commits() -> Iterator[tuple[str, str]]:
         return
     for entry in (_git("log", "-z", "--no-merges", "--format=%H%n%B", f"{BASE}..HEAD") or "").split("\0"):
         name, _, message = entry.partition("\n")
-        if name and name not in EXCUSED:
+        if name:
             yield f"{name[:7]} {message.partition(chr(10))[0]!r}", message
 
 
