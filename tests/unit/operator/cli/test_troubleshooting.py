@@ -38,7 +38,7 @@ def texts(expression: ast.expr) -> Iterator[str]:
 
 def reasons() -> list[str]:
     modules: list[Path] = []
-    for package in ("decide", "controller", "process"):
+    for package in ("decide", "controller", "runtime"):
         modules += (ROOT / "operator" / "robot_offload" / package).glob("*.py")
     found = {reason for module in modules for reason in written_in(module)}
     found |= {kind.reason for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, KubeError)}
