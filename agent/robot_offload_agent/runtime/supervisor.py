@@ -57,6 +57,7 @@ class Supervisor:
         prefix: of the process names shown by ps, e.g. `ro-robot`.
         children: in start order; ended in reverse.
         identity: what only one agent of this host can be, e.g. `wheelchair-robot`.
+        flooded: the last turn read garbage.
     """
 
     folder: Path
@@ -68,6 +69,7 @@ class Supervisor:
     started_s: float = 0.0
     turned_s: float = 0.0
     awake_s: float = 0.0
+    flooded: bool = False
     lives_due_s: float = 0.0
     lock: TextIO | None = field(default=None, repr=False)
     name: socket.socket | None = field(default=None, repr=False)
@@ -108,11 +110,15 @@ class Supervisor:
     def _turn(self, bus: Bus) -> None:
         now = now_s()
         # What we slept through ourselves is nobody's silence: a stopped supervisor or a frozen host kills no process.
-        self.awake_s += min(now - self.turned_s, 2 * IDLE_S)
+        # Nor is what passes while garbage fills our inbox: signs of life that come meanwhile are dropped.
+        if not self.flooded:
+            self.awake_s += min(now - self.turned_s, 2 * IDLE_S)
         self.turned_s = now
         self._start_due()
         self._reap()
+        garbage = bus.garbage
         self._read(bus)
+        self.flooded = bus.garbage > garbage
         self._end_hanging()
         if now >= self.lives_due_s:
             self.lives_due_s = now + LIVES_PERIOD_S
