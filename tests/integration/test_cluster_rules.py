@@ -185,7 +185,7 @@ def test_settings_of_a_wire_are_read_from_words() -> None:
     assert link(["delay_ms=10", "loss_pct=0.5", "cut=both"]) == {"delay_ms": 10.0, "loss_pct": 0.5, "cut": "both"}
     assert link(["cut="]) == {"cut": None}
     for wrong in ("delay=10", "delay_ms=much", "cut=half"):
-        with pytest.raises(ClusterError, match="no setting of a wire"):
+        with pytest.raises(ClusterError, match="is not a setting of a wire"):
             link([wrong])
 
 
