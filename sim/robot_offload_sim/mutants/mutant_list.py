@@ -1223,6 +1223,7 @@ MUTANTS: dict[str, Mutant] = {
                 "if opened.token.robot != self.egress.robot or not opened.token.robot:",
                 "if False:",
             ),
+            Edit("data.cloud", "if self.probe and self.probe.incarnation == robot else", "if self.probe else"),
         ),
     ),
     "X5": Mutant(
