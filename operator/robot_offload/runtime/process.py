@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
+from typing import Any, cast
 
 import kopf
 import structlog
@@ -58,6 +59,8 @@ async def _run(settings: Settings, registry: kopf.OperatorRegistry) -> None:
             clusterwide=not settings.watch_namespaces,
             namespaces=settings.watch_namespaces,
             stop_flag=operator.stop,
+            # kopf would ask for the user's name, which a container's user does not have.
+            identity=cast(Any, settings.pod_name),
         )
     except Exception as error:
         raise PartEndedError(f"kopf has ended: {error!r}") from error
