@@ -179,7 +179,7 @@ def test_a_namespace_that_forbids_builds_is_told_in_the_condition(place: Place) 
         "application/merge-patch+json",
     )
     place.create(ROBOT_OFFLOAD, built())
-    assert "Pod Security" in place.wait_condition("ImageBuilt", "False", "PodsRefused")["message"]
+    assert 'PodSecurity "baseline' in place.wait_condition("ImageBuilt", "False", "PodsRefused")["message"]
 
 
 def test_from_build_back_to_image_nothing_of_the_build_stays(place: Place) -> None:
