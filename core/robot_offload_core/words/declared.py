@@ -47,7 +47,9 @@ class OnSwitch(str, Enum):
     RESEND_ON_LOSS = "ResendOnLoss"
     """A planned switch waits for the end of the goal; after a loss the other side gets it, parts may run twice."""
     RESEND = "Resend"
-    """The other side gets the goal at each change, so parts of it may be executed twice."""
+    """The other side gets the goal at each change, so parts may run twice; one that began anew twice keeps its side."""
+    CONTINUE = "Continue"
+    """The other side gets the goal at each change and goes on from where the robot is: no change costs progress."""
     HOLD = "Hold"
     """A planned switch waits for the end of the goal, at most `hold_for_s`; a loss ends it ABORTED."""
     ABORT = "Abort"
@@ -56,7 +58,7 @@ class OnSwitch(str, Enum):
     @property
     def resends(self) -> bool:
         """The other side gets the goal when it begins to act."""
-        return self in (OnSwitch.RESEND, OnSwitch.RESEND_ON_LOSS)
+        return self in (OnSwitch.RESEND, OnSwitch.RESEND_ON_LOSS, OnSwitch.CONTINUE)
 
 
 class Accept(str, Enum):
@@ -191,8 +193,8 @@ class ActionSpec:
         _check_type("type", self.type, _ACTION_TYPE, "PKG/action/Name")
         for field in ("hold_for_s", "timeout_s", "result_timeout_s"):
             _check_positive(field, getattr(self, field))
-        if self.mirror and self.on_switch is not OnSwitch.RESEND:
-            raise SettingsError("mirror: must be false, only goals with on_switch Resend may run twice")
+        if self.mirror and self.on_switch not in (OnSwitch.RESEND, OnSwitch.CONTINUE):
+            raise SettingsError("mirror: must be false, only goals with on_switch Resend or Continue may run twice")
         if self.mirror and not self.hot:
             raise SettingsError("mirror: must be false, the action's node is Hot on no side")
 

@@ -12,7 +12,7 @@ from robot_offload_lab.wire.options import LinkOptions
 MESSAGE_TYPE: Final = "sensor_msgs/msg/CompressedImage"
 COMMAND: Final = "/bench/command"
 NODE: Final = "replica"
-ACTION: Final = {"name": "/bench/count", "type": "test_msgs/action/Fibonacci", "onSwitch": "Resend"}
+ACTION: Final = {"name": "/bench/count", "type": "test_msgs/action/Fibonacci", "onSwitch": "Continue"}
 LARGEST: Final = "16Mi"
 SERVICE: Final = {"name": "/bench/ask", "type": "std_srvs/srv/Trigger", "mode": "Idempotent"}
 

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 _GOALS: Final = {
     "ResendOnLoss": "make a planned switch wait for their end; after a loss they go on with the other side's replica",
-    "Resend": "go on with the replica of the other side",
+    "Resend": "begin anew with the replica of the other side; one that began anew twice keeps its side",
+    "Continue": "go on with the replica of the other side",
     "Hold": "make a planned change wait for their end; after a loss they end aborted",
     "Abort": "end aborted",
 }

@@ -176,6 +176,6 @@ def _offer(kind: str, name: str, type_name: str, node: NodeSketch, clients: list
         return Entry(value, f"{who}; mode Idempotent for queries, Both for what both replicas must do")
     if node.placement == "Duplicated":
         again = type_name.rpartition("/")[2] in _RESENT
-        value["onSwitch"] = "Resend" if again else "Abort"
-        who += "" if again else "; Resend if its goal names a target and may be executed twice in part, Hold if short"
+        value["onSwitch"] = "Continue" if again else "Abort"
+        who += "" if again else "; Continue if its goal names a place, Hold if it is short"
     return Entry(value, who)

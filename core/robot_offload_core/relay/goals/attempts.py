@@ -255,14 +255,14 @@ def held(ledger: Ledger) -> tuple[str, float]:
 def _held_for_s(goal: Goal, spec: ActionSpec) -> float:
     """Return how long a planned switch waits for a goal.
 
-    A goal that began anew MOST_MOVES times keeps its side, whatever was declared: changes that are more frequent than
-    the goal is long would starve it.
+    A `Resend` goal that began anew MOST_MOVES times keeps its side: changes that are more frequent than the goal is
+    long would starve it. A mirror is in the middle of its goal, and a `Continue` goal loses nothing: neither starves.
     """
     if goal.ended_s is not None or spec.of_cloud:
         return 0.0
     if spec.on_switch is OnSwitch.HOLD:
         return spec.hold_for_s
-    starves = spec.on_switch is OnSwitch.RESEND and goal.moves >= MOST_MOVES
+    starves = spec.on_switch is OnSwitch.RESEND and not spec.mirror and goal.moves >= MOST_MOVES
     return WITHOUT_LIMIT_S if starves or spec.on_switch is OnSwitch.RESEND_ON_LOSS else 0.0
 
 

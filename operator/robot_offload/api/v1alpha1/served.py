@@ -38,12 +38,13 @@ class Action(Model):
 
     name: ActionName = Field(description="The full name under which clients know it, e.g. /follow_path.")
     type: ActionType = Field(description="Its type, e.g. nav2_msgs/action/FollowPath.")
-    on_switch: Literal["ResendOnLoss", "Resend", "Hold", "Abort"] | None = Field(
+    on_switch: Literal["ResendOnLoss", "Resend", "Continue", "Hold", "Abort"] | None = Field(
         default=None,
         description="What becomes of a running goal when the other side begins to act. ResendOnLoss: a planned switch "
         "waits for the goal's end; after a loss the other side gets the goal, so parts may be executed twice. Resend: "
-        "the other side gets the goal at each change (for goals that name a target, not a distance); a goal that "
-        "began anew twice keeps its side. Hold: a planned switch waits for the goal's end, a loss aborts it. Abort: "
+        "the other side gets the goal at each change and begins anew; a goal that began anew twice keeps its side. "
+        "Continue: the same as often as the side changes, for goals that name a place, not a distance. Hold: a "
+        "planned switch waits for the goal's end, a loss aborts it. Abort: "
         "the goal ends aborted and its client decides. Default ResendOnLoss; of a node with placement Cloud a goal "
         "runs whoever acts.",
     )
@@ -68,7 +69,7 @@ class Action(Model):
     mirror: bool = Field(
         default=False,
         description="Whether live goals run on the Hot replica of the other side too, so that it takes over in the "
-        "middle of them. Only with onSwitch Resend. Default false.",
+        "middle of them. Only with onSwitch Resend or Continue. Default false.",
     )
 
 

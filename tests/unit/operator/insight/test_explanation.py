@@ -160,13 +160,13 @@ def test_what_becomes_of_goals_calls_and_state_is_told() -> None:
     controller = {
         "name": "controller",
         "placement": "Duplicated",
-        "actions": [{"name": "/drive_to", "type": "a/action/B", "onSwitch": "Resend"}],
+        "actions": [{"name": "/drive_to", "type": "a/action/B", "onSwitch": "Continue"}],
         "services": [{"name": "/how_far", "type": "a/srv/B"}],
         "state": [{"snapshot": True}, {"topic": "/pose", "restore": "/initialpose"}, {"parameters": {}}],
     }
     elsewhere = {"name": "base", "placement": "Robot", "services": [{"name": "/own"}]}
     assert list(handover({"nodes": [elsewhere, controller]})) == [
-        "At a change of sides, goals of /drive_to go on with the replica of the other side (Resend).",
+        "At a change of sides, goals of /drive_to go on with the replica of the other side (Continue).",
         "Calls of /how_far are executed at most once, by the acting side (Holder).",
         "controller hands over its snapshots.",
         "controller hands over /pose, which its replica gets as /initialpose.",

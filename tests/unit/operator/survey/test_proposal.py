@@ -255,7 +255,7 @@ def test_services_and_actions_are_internal_served_used_or_mixed() -> None:
     assert [it.name for it in found["controller"].services] == ["/clear", "/mixed"]
     assert [it.name for it in found["planner"].uses.services] == ["/mixed"]
     assert [it.name for it in found["controller"].uses.services] == ["/dock"]
-    assert [(it.name, it.on_switch) for it in found["controller"].actions] == [("/follow", "Resend")]
+    assert [(it.name, it.on_switch) for it in found["controller"].actions] == [("/follow", "Continue")]
     assert [(it.name, it.on_switch) for it in found["planner"].actions] == [("/spin", "Abort")]
 
 

@@ -45,9 +45,10 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "spec.nodes[].actions[]",
         "TwiceNotAllowed",
-        "!self.mirror || (has(self.onSwitch) && self.onSwitch == 'Resend')",
-        lambda action: action.mirror and action.on_switch != "Resend",
-        "mirror runs each goal on both sides, but only goals with onSwitch Resend may be executed twice; remove mirror",
+        "!self.mirror || (has(self.onSwitch) && self.onSwitch in ['Resend', 'Continue'])",
+        lambda action: action.mirror and action.on_switch not in ("Resend", "Continue"),
+        "mirror runs each goal on both sides, but only goals with onSwitch Resend or Continue "
+        "may be executed twice; remove mirror",
         "mirror",
     ),
     Rule(

@@ -10,10 +10,12 @@ from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import FOLLOW, Pair
 
 PATROL = "/patrol"
+DRIVE = "/drive_to"
 PLAN = RelayPlan(
     actions=(
         ActionSpec(PATROL, "test_msgs/action/Fibonacci", OnSwitch.RESEND_ON_LOSS, "controller", core=True),
         ActionSpec(FOLLOW, "test_msgs/action/Fibonacci", OnSwitch.RESEND, "controller", core=True),
+        ActionSpec(DRIVE, "test_msgs/action/Fibonacci", OnSwitch.CONTINUE, "controller", core=True),
     ),
 )
 
@@ -54,6 +56,17 @@ def test_a_goal_that_began_anew_twice_keeps_its_side_until_it_ends() -> None:
         assert held(pair) == ("", 0.0)
         pair.change((Site.CLOUD, Site.ROBOT)[move % 2], 2 + move, sudden=bool(move % 2))
     assert held(pair) == (FOLLOW, WITHOUT_LIMIT_S)
+
+
+def test_a_goal_that_names_a_place_moves_at_each_change() -> None:
+    pair = Pair(PLAN)
+    wants = pair.goal(1, DRIVE)
+    for move in range(2 * MOST_MOVES):
+        assert held(pair) == ("", 0.0)
+        pair.change((Site.CLOUD, Site.ROBOT)[move % 2], 2 + move, sudden=bool(move % 2))
+    assert held(pair) == ("", 0.0)
+    pair.robot.end(-1)
+    assert pair.result_of(wants) == [GoalStatus.SUCCEEDED]
 
 
 def test_a_relay_that_is_started_anew_still_knows_how_often_a_goal_began_anew() -> None:
