@@ -31,6 +31,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         items[place] = item
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> None:
+    """Closes the shared world behind the last test of this folder: those of the demo come next and watch the clock."""
+    if nextitem is None or "tests/ros/agent" not in str(nextitem.path):
+        Shared.close_present()
+
+
 def group(item: pytest.Item) -> int:
     """Tests of one number share a world, or have each their own."""
     fixtures = getattr(item, "fixturenames", ())
