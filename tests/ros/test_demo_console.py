@@ -57,19 +57,8 @@ def changes(tab: Tab) -> int:
 
 
 def test_a_demo_is_seen_while_it_runs_and_its_recording_afterwards(chromium: Browser, tmp_path: Path) -> None:
-    options = (
-        "--realtime",
-        "--duration",
-        "600",
-        "--outage",
-        "2/6",
-        "--slow",
-        "none",
-        "--no-ui",
-        "--console",
-        "--out",
-        str(tmp_path),
-    )
+    outages = ("--duration", "600", "--outage", "2/6", "--slow", "none")
+    options = ("--realtime", *outages, "--no-ui", "--console", "--out", str(tmp_path))
     demo, address = started("demo", str(TALKER), *options)
     try:
         tab = Tab(chromium, address)

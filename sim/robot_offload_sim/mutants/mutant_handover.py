@@ -234,6 +234,17 @@ HANDOVER: dict[str, Mutant] = {
         "long_goal_between_short_outages",
         (Edit("relay.goals.attempts", "MOST_MOVES = 2", "MOST_MOVES = 1000"),),
     ),
+    "N58": Mutant(
+        "a goal that names a place keeps its side",
+        "goal_that_names_a_place",
+        (
+            Edit(
+                "relay.goals.attempts",
+                "spec.on_switch is OnSwitch.RESEND and not spec.mirror and goal.moves",
+                "goal.moves",
+            ),
+        ),
+    ),
     "N26": Mutant(
         "`Abort` goals executed on the other side",
         "goals_that_must_not_be_repeated",

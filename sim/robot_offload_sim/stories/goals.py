@@ -218,6 +218,22 @@ def long_goal_between_short_outages() -> None:
     stage.until(lambda: stage.holder is CLOUD, 40.0, "the cloud is used again")
 
 
+def goal_that_names_a_place() -> None:
+    """A `Continue` goal moves at each change, however often: it never keeps the robot from being offloaded."""
+    drive = replace(RELAY.actions[0], on_switch=OnSwitch.CONTINUE)
+    stage = GoalStage(relay=replace(RELAY, actions=(drive, *RELAY.actions[1:])))
+    stage.in_cloud()
+    goal = stage.goal()
+    for _ in range(3):
+        join = stage.lose_cloud()
+        stage.run(1.0)
+        join()
+        stage.until(lambda: stage.holder is CLOUD, 40.0, "the cloud is used again")
+        stage.until(lambda: bool(stage.copies(CLOUD, goal)), 3.0, "the cloud has the goal")
+    stage.let_end()
+    stage.ends(goal, SUCCEEDED)
+
+
 def one_goal_at_a_time() -> None:
     """Servers with one goal preempt: the older goal ends once, the newer goes on over changes (rule 2)."""
     stage = GoalStage()
@@ -415,7 +431,7 @@ STORIES = (
     goal_over_twenty_changes, copy_before_the_change, goal_that_the_candidate_rejects, pin_does_not_wait_for_ever,
     goal_after_a_loss, goal_that_ends_in_the_change, abort_when_deactivated, nodes_rest_after_their_goals,
     cancel_in_a_change, goals_that_must_not_be_repeated, change_waits_for_hold, planned_switch_costs_no_goal,
-    long_goal_between_short_outages, one_goal_at_a_time, preempted_copies,
+    long_goal_between_short_outages, goal_that_names_a_place, one_goal_at_a_time, preempted_copies,
     copy_ends_first, forgotten_goal, no_answer_to_an_offer, late_acceptance, robots_relay_dies,
     change_without_a_relay, clouds_relay_dies, goal_between_arming_and_flip, lost_letters,
     late_report_of_the_collector, many_goals_at_once, cancelled_by_somebody_else,
