@@ -16,7 +16,7 @@ from robot_offload_agent.certificates.wallet import with_own_certificate
 from robot_offload_agent.errors import AgentError, ConfigurationError
 from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings.parameters import Configuration, load
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 COLLECTOR_HUNG_S = 3.0
 """Without the collector no output passes and the robot stands, so less patience than with the others."""

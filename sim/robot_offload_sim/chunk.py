@@ -6,8 +6,8 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.checks import InvariantError
-from robot_offload_core.words.token import Site
 from robot_offload_sim.faults import worlds
 from robot_offload_sim.faults.faults import Faults, Hands, only_link, plan, plan_ambushes
 from robot_offload_sim.promises.observer import Observer

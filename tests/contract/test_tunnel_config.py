@@ -8,7 +8,7 @@ from robot_offload.objects.facts import Endpoint
 from robot_offload.objects.parent import Parent
 from robot_offload.render.bundle import BundleSecrets, bundle
 from robot_offload_agent.tunnel.configuration import TunnelConfiguration, parse
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from tests.unit.operator.render.given import facts, offload, rendered
 
 RESOURCE = offload(transport={"type": "DDSRouter", "expose": {"host": "edge.example"}})

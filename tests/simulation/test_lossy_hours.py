@@ -18,11 +18,12 @@ from robot_offload_core.collector import standby
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.control.robot import fast_takeover
 from robot_offload_core.control.robot.placement import Robot
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate
+from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site, Token
 
 pytestmark = [pytest.mark.simulation]
 HOUR_S = 3600.0

@@ -22,10 +22,10 @@ from robot_offload_core.control.cloud.lease import Stand
 from robot_offload_core.control.cloud.process import CloudControlProcess
 from robot_offload_core.control.nodes import replica_parameters
 from robot_offload_core.control.tallies import LinkTally
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import momentary
 from robot_offload_core.words.messages import Arrived, Limits, Notes, Reported
 from robot_offload_core.words.reasons import Reason
-from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

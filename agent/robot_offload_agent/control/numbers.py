@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_core.control.tallies import IN_FLIGHT, LinkTally
+from robot_offload_core.fence.token import Site
 from robot_offload_core.topics.tallies import GAP_MS
-from robot_offload_core.words.token import Site
 
 TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_KB = os.sysconf("SC_PAGE_SIZE") // 1024

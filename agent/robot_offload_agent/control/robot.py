@@ -28,13 +28,13 @@ from robot_offload_core.control.robot import placement, switcher
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.process import RobotControlProcess, RobotPlan
 from robot_offload_core.control.tallies import LinkTally
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links, momentary
 from robot_offload_core.record.audit import Kind
 from robot_offload_core.words.decided import Decided
 from robot_offload_core.words.messages import Arrived, CollectorStatus, Notes, Reported
 from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.reasons import Reason
-from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

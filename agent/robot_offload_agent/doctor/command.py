@@ -13,7 +13,7 @@ from robot_offload_agent.doctor import graph, machine, network
 from robot_offload_agent.doctor.findings import Check, Finding, Level, as_json, as_text, exit_code
 from robot_offload_agent.errors import AgentError, ConfigurationError
 from robot_offload_agent.settings.parameters import Configuration, load
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 EPILOG = """\
 examples:

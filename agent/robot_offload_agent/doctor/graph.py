@@ -13,7 +13,7 @@ from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_agent.settings.served import SERVED
 from robot_offload_core.control.tallies import IN_FLIGHT
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 DISCOVERY_S = 3.0
 """How long the nodes of this network need to be found, at least."""

@@ -13,8 +13,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, Int32, String
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link
-from robot_offload_core.words.token import Site
 
 ACTING: Final = "/offload/acting"
 PASSING: Final = "/offload/passing"

@@ -20,10 +20,10 @@ from robot_offload_agent.ros.undeclared import Declared, Undeclared
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.control.nodes import guardians, managed_nodes
 from robot_offload_core.control.nodes.managed_nodes import Transition
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.events import assert_never
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.settings import NodeSpec
-from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from robot_offload_agent.settings.parameters import Configuration, listed
 from robot_offload_core.control.nodes import replica_parameters
 from robot_offload_core.control.nodes.replica_parameters import Compared, Statement, Table
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 FIELDS = {
     ParameterType.PARAMETER_NOT_SET: None,

@@ -24,11 +24,11 @@ from robot_offload_agent.settings.parameter import Parameter
 from robot_offload_agent.settings.parameters import GENERAL, Configuration
 from robot_offload_core.control.nodes.managed_nodes import Node as GuardedNode
 from robot_offload_core.control.robot.availability import Available
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Health
 from robot_offload_core.words.beats import Beat
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.messages import PulseStatus
-from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

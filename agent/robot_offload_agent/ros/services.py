@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 LOCAL = {"guardian_activate_local_nodes": Site.ROBOT, "guardian_deactivate_local_nodes": Site.CLOUD}
 CLOUD = {"guardian_activate_cloud_nodes": Site.CLOUD, "guardian_deactivate_cloud_nodes": Site.ROBOT}

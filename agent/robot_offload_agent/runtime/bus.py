@@ -27,8 +27,8 @@ from pathlib import Path
 from typing import Any
 
 from robot_offload_agent.runtime import parcels, records
+from robot_offload_core.fence.envelope import LAYOUT
 from robot_offload_core.words.codec import plain, typed
-from robot_offload_core.words.envelope import LAYOUT
 from robot_offload_core.words.messages import (
     ENVELOPE,
     OTHERS,

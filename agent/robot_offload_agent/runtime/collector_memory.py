@@ -13,9 +13,9 @@ from pathlib import Path
 
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.fence import memory
-from robot_offload_core.words.gates import Charge
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.holding import Holding
-from robot_offload_core.words.token import Site, Token
 
 log = logging.getLogger(__name__)
 

@@ -19,8 +19,8 @@ from robot_offload_agent.settings.notes import (
 from robot_offload_agent.settings.offer import Answer, Judgement, Offer, input_limits, judge
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.control.nodes.replica_parameters import Statement
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.messages import Limits
-from robot_offload_core.words.token import Site
 
 log = logging.getLogger(__name__)
 

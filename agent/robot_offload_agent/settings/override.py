@@ -11,7 +11,7 @@ from pathlib import Path
 from robot_offload_agent.settings.files import read_text, write_whole
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.control.robot.placement import Wish
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -30,11 +30,11 @@ from robot_offload_agent.settings.topics import (
     output_problems,
     output_spec,
 )
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words import shape
 from robot_offload_core.words.declared import SettingsError, StateSpec
 from robot_offload_core.words.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 
 SITES = ("Robot", "Cloud")
 SERVICE = rf"({TOPIC})?"

@@ -8,6 +8,7 @@ from typing import Any
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import (
     WITHOUT_LIMIT_S,
@@ -21,7 +22,6 @@ from robot_offload_core.words.declared import (
     UsedService,
 )
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 
 _MEMBER = re.compile(r"/offload/cloud/(?P<member>pod_[a-z0-9_]+)(?P<name>/.+)")
 """Only pods of pools have names that begin so: names of the group that are public may not begin with /offload."""

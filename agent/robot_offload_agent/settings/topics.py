@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from robot_offload_agent.settings.parameter import TOPIC, Parameter
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import Frame, Priority, SettingsError, While
 from robot_offload_core.words.settings import InputSpec, OutputSpec
-from robot_offload_core.words.token import Site
 
 QOS_WORDS = {
     "reliability": ("auto", "reliable", "best_effort"),

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from robot_offload_agent.errors import ConfigurationError
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.tunnel.configuration import Address, TunnelConfiguration
 from robot_offload_agent.tunnel.names import Names
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 if TYPE_CHECKING:
     from robot_offload_core.collector.state import OutputState

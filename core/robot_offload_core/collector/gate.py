@@ -18,13 +18,14 @@ import math
 from robot_offload_core.collector import active_while, standby
 from robot_offload_core.collector.state import Collector, OutputState
 from robot_offload_core.fence import gate as fence
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.checks import require
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate, GateReport, Passage, Ruling
+from robot_offload_core.words.gates import Gate, GateReport, Passage, Ruling
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
 
 PAUSE_S = 0.120
 """Turns of this process further apart are a pause of the process, not silence of an output: six turns of 20 ms."""

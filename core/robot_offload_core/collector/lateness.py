@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Token
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Token
 
 LATENESS_WINDOW_S = 60.0
 """Messages of this window are compared."""

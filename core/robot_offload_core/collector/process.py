@@ -12,13 +12,16 @@ from typing import Any, Protocol
 
 from robot_offload_core.collector import gate, results, rivals, standby
 from robot_offload_core.collector.state import Collector
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope, EnvelopeError
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics import tallies
 from robot_offload_core.topics.pauses import Pauses
 from robot_offload_core.topics.shared import MAX_LATCHED_OF_OTHERS, Loop
 from robot_offload_core.topics.tallies import GAP_MS, bucket
-from robot_offload_core.words import envelope, gates
-from robot_offload_core.words.envelope import Envelope, EnvelopeError
-from robot_offload_core.words.gates import Charge, Passage, Ruling
+from robot_offload_core.words import gates
+from robot_offload_core.words.gates import Passage, Ruling
 from robot_offload_core.words.messages import (
     ENVELOPE,
     OTHERS,
@@ -32,7 +35,6 @@ from robot_offload_core.words.messages import (
 from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
 from robot_offload_core.words.topic_kinds import same_type
 
 TURN_S = 0.060

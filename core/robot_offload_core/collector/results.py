@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from robot_offload_core.collector.state import Collector, OutputState
 from robot_offload_core.fence import gate as fence
-from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.fence.envelope import Envelope
 from robot_offload_core.words.gates import Passage, Ruling
 from robot_offload_core.words.replace import replace
 

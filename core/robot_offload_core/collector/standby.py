@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from robot_offload_core.collector import lateness
 from robot_offload_core.fence import gate as fence
-from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 OVERDUE_LOOK_S = 0.005
 """Least distance of two looks for an overdue message."""

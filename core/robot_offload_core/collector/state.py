@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from robot_offload_core.collector.lateness import UNHEARD, Lateness
 from robot_offload_core.fence import gate as fence
-from robot_offload_core.words.gates import Charge
+from robot_offload_core.fence.gate import Charge
 from robot_offload_core.words.settings import OutputSpec
 
 

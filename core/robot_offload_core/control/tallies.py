@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link
 from robot_offload_core.topics.tallies import bucket
 from robot_offload_core.words.decided import Decided
-from robot_offload_core.words.token import Site
 
 LATENCY_MS = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 500, 1000)
 """Bounds of the link's latency: finest where the limits of most loops lie."""

@@ -9,18 +9,17 @@ from typing import Any, Protocol
 from robot_offload_core.data import probe
 from robot_offload_core.data.probe import Probe
 from robot_offload_core.data.process import MAX_REPORT, DataPlan, DataPorts, DataProcess, others_of
-from robot_offload_core.fence import lease
+from robot_offload_core.fence import envelope, lease
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics import mirror, tallies
 from robot_offload_core.topics.mirror import Mirror
 from robot_offload_core.topics.shared import Loop
 from robot_offload_core.topics.waits import Waits
-from robot_offload_core.words import envelope
-from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import CloudData, SetEgress
 from robot_offload_core.words.messages import DataStatus, Egress, Limits, Reported
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 from robot_offload_core.words.topic_kinds import same_type
 from robot_offload_core.words.veil import veil_token
 

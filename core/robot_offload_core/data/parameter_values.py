@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any, Final
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.parameters import MAX_NAME, MAX_SHOWN, PRIVATE_TOPICS
-from robot_offload_core.words.token import Site
 
 MAX_NODES: Final = 32
 MAX_PARAMETERS: Final = 4096

@@ -12,8 +12,8 @@ import json
 import re
 from dataclasses import dataclass, field
 
+from robot_offload_core.fence.token import is_incarnation
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import is_incarnation
 
 PROBE_PERIOD_S = 0.1
 """Ten probes a second, each way."""

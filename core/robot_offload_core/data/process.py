@@ -14,11 +14,11 @@ from typing import Any, Protocol
 
 from robot_offload_core.data import probe
 from robot_offload_core.data.probe import Probe, ProbeError, Sign
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope, EnvelopeError
 from robot_offload_core.topics.pauses import Pauses
 from robot_offload_core.topics.waits import Waits
-from robot_offload_core.words import envelope
 from robot_offload_core.words.declared import MEBIBYTE, Priority
-from robot_offload_core.words.envelope import Envelope, EnvelopeError
 from robot_offload_core.words.messages import Heard, Letters, Limits, Notes, Reopen, Reported
 from robot_offload_core.words.settings import OutputSpec
 

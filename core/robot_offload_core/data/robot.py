@@ -8,16 +8,16 @@ from typing import Any
 from robot_offload_core.data import probe
 from robot_offload_core.data.probe import Probe
 from robot_offload_core.data.process import DataPlan, DataPorts, DataProcess, others_of
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics.pacing import Pace, Paces
 from robot_offload_core.topics.thinning import Thinning
 from robot_offload_core.topics.waits import Waits
-from robot_offload_core.words import envelope
-from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import DataReported, StateReported
 from robot_offload_core.words.messages import ENVELOPE, OTHERS, PASSED, Carried, CloudTypes, DataStatus, Limits, Orders
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 from robot_offload_core.words.topic_kinds import same_type
 from robot_offload_core.words.veil import unveil_token
 

@@ -18,14 +18,14 @@ from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.data.process import DataProcess
 from robot_offload_core.data.robot import RobotDataProcess
 from robot_offload_core.fence import lease
+from robot_offload_core.fence.envelope import Envelope, EnvelopeError
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics import snapshots
 from robot_offload_core.topics.snapshots import Refused, Standing
 from robot_offload_core.topics.waits import Waits
 from robot_offload_core.words.declared import ParameterState, SnapshotState, StateSpec, TopicState
-from robot_offload_core.words.envelope import Envelope, EnvelopeError
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.lifecycle import State
-from robot_offload_core.words.token import Site, Token
 
 CHANNEL = "state/"
 SNAPSHOT_RESEND_S = 1.0

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import experts
 from robot_offload_core.link.experts import EXPOSED_PER_S, SWITCH, WASTED_PER_S, LinkState, Outlook
 from robot_offload_core.link.links import Link
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 
 THERE_AND_BACK = 2 * SWITCH
 """Price of leaving a side and returning to it."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.beats import (
     PERMISSION_BEATS,
     PREVIOUS,
@@ -19,7 +20,6 @@ from robot_offload_core.words.beats import (
     veil,
 )
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 MAX_SENDERS = 4
 """Senders remembered at once; more than one is a fault (two identities, a restart), not the normal case."""

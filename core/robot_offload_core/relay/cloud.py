@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from robot_offload_core.fence import lease
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.cloud_used import CloudUsed
 from robot_offload_core.relay.goals.executor import (
     CANCEL_AGAIN_S,
@@ -42,7 +43,6 @@ from robot_offload_core.words.declared import ActionSpec, ServiceSpec, UsedActio
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.messages import Egress, Letters, RelayStatus
-from robot_offload_core.words.token import Site, Token
 
 ORPHAN_S = 1.0
 """How long attempts of an ended token go on, so that the robot can name those that continue."""

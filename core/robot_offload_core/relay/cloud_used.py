@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Token
 from robot_offload_core.relay.goals.near import NearGoal, NearGoals
 from robot_offload_core.relay.goals.ports import CloudRelayPorts, Face
 from robot_offload_core.relay.goals.requests import SENTENCES, Failure
@@ -25,7 +26,6 @@ from robot_offload_core.relay.goals.words import (
 from robot_offload_core.relay.post import Post
 from robot_offload_core.relay.process import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.words.declared import UsedAction, UsedService
-from robot_offload_core.words.token import Token
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 
+from robot_offload_core.fence.token import Token
 from robot_offload_core.relay.goals import words
 from robot_offload_core.relay.goals.courier import Courier
 from robot_offload_core.relay.goals.ports import RelayPorts
 from robot_offload_core.relay.goals.words import Hello, Word, WordError
 from robot_offload_core.words.messages import Letters
-from robot_offload_core.words.token import Token
 from robot_offload_core.words.veil import veil_token
 
 HELLO_S = 0.1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable
 
+from robot_offload_core.fence.token import Site, Token, presence
 from robot_offload_core.relay.goals import attempts, journal, machine, questions, state
 from robot_offload_core.relay.goals.executor import Executor, OfferAnswered, Outcome, RunEnded, RunGone
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus, RobotRelayPorts
@@ -29,7 +30,6 @@ from robot_offload_core.relay.robot_requests import RobotRequests
 from robot_offload_core.relay.robot_used import RobotUsed
 from robot_offload_core.words.messages import Letters, RelayOrders, RelayStatus
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token, presence
 from robot_offload_core.words.veil import unveil_token
 
 HOLDER_LOOK_S = 0.02

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals import journal
 from robot_offload_core.relay.goals.ports import Face, RobotRelayPorts
 from robot_offload_core.relay.goals.requests import SENTENCES, AskServer, Desk, Fail, Failure, Order, Reply
@@ -13,7 +14,6 @@ from robot_offload_core.relay.goals.words import CalledWord, CallVerdict, CallWo
 from robot_offload_core.relay.post import Post
 from robot_offload_core.relay.process import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.words.messages import RelayOrders
-from robot_offload_core.words.token import Site, Token
 
 NOBODY = Token("", 0, "")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals import journal
 from robot_offload_core.relay.goals.executor import Executor, OfferAnswered, Outcome, RunEnded, RunGone
 from robot_offload_core.relay.goals.near import NearGoal, NearGoals
@@ -28,7 +29,6 @@ from robot_offload_core.relay.goals.words import (
 from robot_offload_core.relay.post import Post
 from robot_offload_core.relay.process import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.words.messages import RelayOrders
-from robot_offload_core.words.token import Site, Token
 
 NOBODY = Token("", 0, "")
 """Token of the robot's own goals at servers: nothing depends on it here."""

@@ -12,11 +12,11 @@ from collections import deque
 from collections.abc import Collection
 from typing import Any
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.topics import transforms
 from robot_offload_core.topics.transforms import Transform, TransformsError
 from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site
 
 ECHO_S = 3.0
 """What has not come back by then was lost on the way."""

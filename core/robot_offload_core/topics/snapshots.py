@@ -15,7 +15,7 @@ import zlib
 from dataclasses import dataclass
 from enum import Enum
 
-from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.fence.envelope import Envelope
 from robot_offload_core.words.replace import replace
 
 MAGIC = b"ROSN"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from math import inf
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 GAP_MS = (25, 50, 75, 100, 125, 150, 200, 300, 500, 1000, 2000)
 """Bounds of the time between two commands."""

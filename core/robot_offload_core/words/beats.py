@@ -11,8 +11,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Site, Token, is_incarnation
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token, is_incarnation
 from robot_offload_core.words.veil import unveiled, veiled
 
 VERSION = "4"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.reasons import Verdict
-from robot_offload_core.words.token import Site
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from enum import Enum
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 MEBIBYTE = 1024 * 1024
 LARGEST_SNAPSHOT = 16 * MEBIBYTE

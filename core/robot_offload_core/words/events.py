@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any, NoReturn, Protocol
 
 from robot_offload_core.fence.lease import Leave
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 
 def assert_never(unexpected: NoReturn) -> NoReturn:

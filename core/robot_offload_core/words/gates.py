@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_offload_core.fence import gate as fence
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Token
 from robot_offload_core.words.reasons import Explained
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Token
-
-Charge = fence.Charge
-"""One stay in charge; the word is the fence's."""
 
 
 @dataclass(frozen=True)

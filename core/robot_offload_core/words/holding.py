@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot_offload_core.words.token import Site, Token
+from robot_offload_core.fence.token import Site, Token
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words import beats, gates
 from robot_offload_core.words.events import CloudData, DataReported, SetEgress, StateReported
 from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.reasons import Reason
-from robot_offload_core.words.token import Site, Token
 
 ENVELOPE = b"e"
 """A `Carried` message of the cloud's replica on its way to the collector."""

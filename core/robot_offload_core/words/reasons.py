@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 
 class Explained(str, Enum):

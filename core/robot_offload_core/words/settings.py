@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import MEBIBYTE, Frame, Priority, SettingsError, While
-from robot_offload_core.words.token import Site
 
 DRIFT_SHARE = 0.2
 """Margin for two steady clocks running at different speeds.

@@ -10,8 +10,8 @@ from __future__ import annotations
 import hashlib
 from functools import lru_cache
 
+from robot_offload_core.fence.token import INCARNATION_LENGTH, Token
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import INCARNATION_LENGTH, Token
 
 _PREFIX = b"robot-offload veil 1 "
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.reasons import Verdict
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 
 
 @dataclass(frozen=True)

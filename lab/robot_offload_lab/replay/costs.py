@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.replay.heartbeats import Heartbeats
 
 

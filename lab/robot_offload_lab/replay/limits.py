@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.links.recorded import Trace
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.heartbeats import NEVER_US, Heartbeats

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from robot_offload.errors import InputError
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.contract import PolicyMaker, SwitchingPolicy
 from robot_offload_lab.replay.ours import Ours
 from robot_offload_lab.replay.peers import Dwell, Mean, OneSide, Threshold

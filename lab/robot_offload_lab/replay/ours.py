@@ -7,6 +7,7 @@ from typing import Final
 
 from robot_offload_core.control.robot.health import Circumstances, Situation, fitness
 from robot_offload_core.control.robot.limits import cloud_fault
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links, policies
 from robot_offload_core.link.experts import Figures, Outlook
 from robot_offload_core.link.links import Link
@@ -15,7 +16,6 @@ from robot_offload_core.words.beats import Beat, CloudReport, Echo
 from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 
 ROBOT: Final = "00000000000000000000000000000001"
 CLOUD: Final = "00000000000000000000000000000002"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.contract import Decision
 
 DWELL_S: Final = 20.0

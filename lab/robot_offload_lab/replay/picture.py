@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.judge.drawing import INK, PALE, SITE_COLOURS, VERMILION, png
 from robot_offload_lab.replay.costs import Change, stretches
 from robot_offload_lab.replay.heartbeats import NEVER_US

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from robot_offload.errors import InputError
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.reasons import Verdict
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.contract import Decision, SwitchingPolicy
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.heartbeats import NEVER_US, Heartbeats

@@ -9,7 +9,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.study import Replayed, StudiedLink
 from robot_offload_lab.replay.tune import TuningReport

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import experts
 from robot_offload_core.link.experts import USUAL
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.named import CONSTANT, OURS, POLICIES, NamedPolicy
 from robot_offload_lab.replay.ours import Eyes, Mind, Sight

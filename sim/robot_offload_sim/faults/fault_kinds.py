@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from robot_offload_core.control.robot import placement
 from robot_offload_core.control.robot.changeovers import PREPARE_EXTRA_S
-from robot_offload_core.words import envelope
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Site
 from robot_offload_sim.faults.fault_hosts import HOSTS
 from robot_offload_sim.faults.fault_types import Fault, Kind, Undo, nothing, option, raised
 from robot_offload_sim.faults.strangers import OtherRobot, babble, other_cloud

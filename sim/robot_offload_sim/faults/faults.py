@@ -10,7 +10,7 @@ import random
 from collections.abc import Sequence
 
 from robot_offload_core.control.robot import placement
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_sim.faults.fault_kinds import KINDS
 from robot_offload_sim.faults.fault_types import Fault
 from robot_offload_sim.sides.system import System

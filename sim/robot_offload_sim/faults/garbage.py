@@ -16,9 +16,10 @@ from typing import Any
 from robot_offload_core.data import probe
 from robot_offload_core.data.process import RELAY
 from robot_offload_core.data.states import CHANNEL
+from robot_offload_core.fence import envelope
 from robot_offload_core.relay.goals import words
 from robot_offload_core.topics import snapshots
-from robot_offload_core.words import beats, envelope
+from robot_offload_core.words import beats
 from robot_offload_core.words.beats import Beat
 from robot_offload_core.words.replace import replace
 from robot_offload_sim.world.link_model import Link

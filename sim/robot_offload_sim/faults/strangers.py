@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
 from robot_offload_core.pulse.pulse import Pulse
 from robot_offload_core.words.beats import Beat, CloudReport, Permission
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.cloud_side import CloudSide
 from robot_offload_sim.sides.robot_side import RobotSide
 from robot_offload_sim.sides.system import System

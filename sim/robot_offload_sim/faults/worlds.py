@@ -10,9 +10,9 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import SettingsError, SnapshotState, StateSpec
 from robot_offload_core.words.settings import Mode, NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.faults import garbage
 from robot_offload_sim.promises.promises import OTHERS
 from robot_offload_sim.sides.system import System

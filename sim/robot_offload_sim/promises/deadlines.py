@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from robot_offload_core.control.nodes.guardians import INHIBIT_PERIOD_S
 from robot_offload_core.control.nodes.managed_nodes import READ_PERIOD_S
 from robot_offload_core.control.robot import placement
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link import policies
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.settings import Mode
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.promises.promises import Promises, Rank
 from robot_offload_sim.sides.system import System
 from robot_offload_sim.world.nodes import Message

@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot_offload_core.control.robot import placement
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token, presence
 from robot_offload_core.words.beats import Beat, CloudReport, Permission, unveil
 from robot_offload_core.words.decided import Decided, Phase
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate
-from robot_offload_core.words.token import Site, Token, presence
+from robot_offload_core.words.gates import Gate
 from robot_offload_sim.promises.deadlines import BEFORE_CONTROL, HANDOVER_S, Deadlines, Lane
 from robot_offload_sim.promises.promises import OTHERS, Rank
 from robot_offload_sim.sides.system import System

@@ -10,10 +10,10 @@ from robot_offload_core.control.robot import placement
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.limits import DATA_TIMEOUT_S
 from robot_offload_core.control.robot.placement import IN_CHARGE
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Decided
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.system import System
 from robot_offload_sim.world.nodes import Message
 from robot_offload_sim.world.ports import Payload

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalEntry, GoalStatus
 from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import ServiceMode
 from robot_offload_core.words.holding import Holding
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.relays import RelayShell, RobotRelayShell
 from robot_offload_sim.world.servers import Execution, Servers, goal_words
 from robot_offload_sim.world.violations import ViolationError

@@ -12,11 +12,11 @@ from robot_offload_core.control.cloud.process import CloudControlProcess
 from robot_offload_core.control.nodes.guardians import Guardian
 from robot_offload_core.control.nodes.managed_nodes import Command
 from robot_offload_core.data.cloud import CloudDataProcess
+from robot_offload_core.fence.envelope import encode
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.pulse import pulse
 from robot_offload_core.words.beats import Beat, CloudReport
-from robot_offload_core.words.envelope import encode
 from robot_offload_core.words.messages import Heard, Notes, Speak
-from robot_offload_core.words.token import Site, Token
 from robot_offload_core.words.veil import unveil_token
 from robot_offload_sim.sides.shells import (
     EFFECT_S,

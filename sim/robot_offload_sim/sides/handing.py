@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.process import RelayPlan
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.clients import Clients
 from robot_offload_sim.sides.cloud_side import CloudSide
 from robot_offload_sim.sides.outside import Outside

@@ -9,11 +9,11 @@ from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.data.process import DataProcess
 from robot_offload_core.data.robot import RobotDataProcess
 from robot_offload_core.data.states import CloudStates, RobotStates, StateProcess
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics import snapshots
 from robot_offload_core.words.declared import StateSpec
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.lifecycle import State
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.sides.cloud_side import CloudSide
 from robot_offload_sim.sides.robot_side import RobotSide
 from robot_offload_sim.world.scenario import Scenario

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import Face, GoalStatus
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.settings import NodeSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.relays import CloudRelayShell, RobotRelayShell
 from robot_offload_sim.world.nodes import Node
 from robot_offload_sim.world.scenario import Replica

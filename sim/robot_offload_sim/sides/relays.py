@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.cloud import CloudRelay
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalEntry, GoalStatus
 from robot_offload_core.relay.goals.wire_ids import goal_id_of
 from robot_offload_core.relay.process import RelayPlan, RelayProcess
 from robot_offload_core.relay.robot import RobotRelay
 from robot_offload_core.words.holding import Holding
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.sides.shells import SLACK_S, Shell
 from robot_offload_sim.world.ports import Surroundings
 from robot_offload_sim.world.servers import Servers

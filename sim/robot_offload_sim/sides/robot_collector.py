@@ -7,9 +7,10 @@ import math
 from robot_offload_core.collector import gate
 from robot_offload_core.collector.process import CollectorPlan, CollectorProcess
 from robot_offload_core.collector.state import Collector
-from robot_offload_core.words.gates import Charge, Passage
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
+from robot_offload_core.words.gates import Passage
 from robot_offload_core.words.messages import Carried, SetGate
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.sides.shells import LOOK_S, TYPE, Shell
 from robot_offload_sim.world.coverage import collector_state
 from robot_offload_sim.world.nodes import Message

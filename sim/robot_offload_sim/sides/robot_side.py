@@ -11,13 +11,13 @@ from robot_offload_core.control.robot import placement, switcher
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.process import RobotControlProcess, RobotPlan
 from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
 from robot_offload_core.words.beats import Beat, Permission
 from robot_offload_core.words.decided import Decided
 from robot_offload_core.words.events import StateReported
 from robot_offload_core.words.messages import Heard, Limits, Notes, PulseSent, Reopen, SetGate, Speak
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.robot_collector import CollectorShell
 from robot_offload_sim.sides.shells import (
     EFFECT_S,

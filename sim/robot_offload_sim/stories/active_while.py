@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core.data.process import InputPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.declared import While
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.clients import ClientGoal
 from robot_offload_sim.stories.goal_stage import FOLLOW, GoalStage
 from robot_offload_sim.stories.stage import Stage

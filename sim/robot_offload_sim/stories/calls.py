@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_sim.sides.clients import ClientCall
 from robot_offload_sim.stories.goal_stage import CLEAR, COUNT, LAMP, PLAN, GoalStage
 

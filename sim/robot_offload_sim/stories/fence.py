@@ -7,13 +7,13 @@ from typing import Any
 
 from robot_offload_core.control.robot import switcher
 from robot_offload_core.data.process import InputPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.messages import CollectorStatus, Speak
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import CONTROLLER, STRANGER, Stage
 from robot_offload_sim.world.scenario import UID, Replica
 from robot_offload_sim.world.world import Host

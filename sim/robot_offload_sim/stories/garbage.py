@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.declared import SnapshotState
 from robot_offload_core.words.reasons import Reason
-from robot_offload_core.words.token import Site
 from robot_offload_sim.faults import garbage
 from robot_offload_sim.stories.goal_stage import GoalStage
 from robot_offload_sim.stories.stage import Stage

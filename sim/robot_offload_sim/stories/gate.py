@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from robot_offload_core.words import envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate
+from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.messages import ENVELOPE, Carried, CloudTypes, SetGate
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.sides.shells import TYPE
 from robot_offload_sim.stories.stage import ARM, CONTROLLER, STRANGER, Stage
 from robot_offload_sim.world.nodes import Message

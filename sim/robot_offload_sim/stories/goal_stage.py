@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import (
@@ -16,7 +17,6 @@ from robot_offload_core.words.declared import (
     UsedService,
 )
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.clients import ClientCall, ClientGoal
 from robot_offload_sim.sides.handing import Handing
 from robot_offload_sim.stories.stage import Stage

@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 from dataclasses import replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import SnapshotState
-from robot_offload_core.words.token import Site
 from robot_offload_sim.chunk import Chunk, Outcome
 from robot_offload_sim.sides.handing import Handing
 from robot_offload_sim.stories.goal_stage import CLEAR, COUNT, DOCK, FOLLOW, LAMP, LIFT, PLAN, RELAY, SPIN

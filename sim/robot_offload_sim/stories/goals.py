@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.words.declared import OnSwitch
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.goal_stage import DOCK, FOLLOW, RELAY, SPIN, GoalStage
 
 ROBOT, CLOUD = Site.ROBOT, Site.CLOUD

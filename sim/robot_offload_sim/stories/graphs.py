@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import CONTROLLER, PLANNER, Stage
 from robot_offload_sim.world.scenario import Replica
 

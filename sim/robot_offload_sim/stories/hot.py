@@ -9,10 +9,10 @@ from typing import Any
 
 from robot_offload_core.collector import lateness
 from robot_offload_core.control.robot import fast_takeover
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import Stage, StoryError
 from robot_offload_sim.world.nodes import Message
 from robot_offload_sim.world.scenario import Replica

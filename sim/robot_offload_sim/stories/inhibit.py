@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_offload_core.control.robot.placement import CloudLeaving, Veto, Vetoed
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.nodes import FOREVER_S, TWO
 from robot_offload_sim.stories.stage import Stage
 from robot_offload_sim.world.scenario import Replica

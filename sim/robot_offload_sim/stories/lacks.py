@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_sim.stories.goal_stage import SETTINGS, GoalStage
 
 ROBOT, CLOUD = Site.ROBOT, Site.CLOUD

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from robot_offload_core.control.nodes.managed_nodes import Observed
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.pulse.pulse import compose
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.gates import Charge, Gate, GateReport
+from robot_offload_core.words.gates import Gate, GateReport
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.messages import CollectorStatus, SetGate
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.stories.stage import Stage
 
 

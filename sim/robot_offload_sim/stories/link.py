@@ -6,11 +6,11 @@ from itertools import pairwise
 
 from robot_offload_core.data import probe
 from robot_offload_core.data.process import InputPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.beats import Beat, Echo
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import Stage
 
 DELIVERY_S = 0.010

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.goals.state import MIRROR_S
 from robot_offload_core.words.declared import ActionSpec, OnSwitch, ServiceSpec
 from robot_offload_core.words.reasons import Reason
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.clients import ClientGoal
 from robot_offload_sim.stories.goal_stage import FOLLOW, RELAY, GoalStage
 from robot_offload_sim.stories.hot import COMMANDS, LEARNED_S

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from robot_offload_core.control.robot import placement
 from robot_offload_core.data import probe
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import Mode, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.promises.promises import RIVAL_S
 from robot_offload_sim.stories.stage import ARM, CONTROLLER, Stage
 from robot_offload_sim.world.scenario import Replica

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.settings import NodeSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import Stage
 
 FOREVER_S = 1e9

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from robot_offload_core.control.robot.placement import SwitchByHand
 from robot_offload_core.data.process import InputPlan
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.topics.pauses import LIMIT_S
-from robot_offload_core.words import envelope
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site, Token
 from robot_offload_sim.stories.stage import ARM, CONTROLLER, STRANGER, Stage
 from robot_offload_sim.world.ports import Sensed
 from robot_offload_sim.world.scenario import Replica

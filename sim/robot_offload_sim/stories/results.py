@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.settings import NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import CONTROLLER, PLANNER, Stage, StoryError
 from robot_offload_sim.world.scenario import Replica
 

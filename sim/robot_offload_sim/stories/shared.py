@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.settings import NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site
 from robot_offload_sim.promises.promises import OTHERS
 from robot_offload_sim.stories.stage import CONTROLLER, Stage
 from robot_offload_sim.world.nodes import Message

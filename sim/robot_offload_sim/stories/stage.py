@@ -14,10 +14,10 @@ from robot_offload_core.control.robot import placement
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.placement import Robot, Wish
 from robot_offload_core.data.process import InputPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.promises.observer import Observer
 from robot_offload_sim.promises.promises import OTHERS
 from robot_offload_sim.sides.system import System

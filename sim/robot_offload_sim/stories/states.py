@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core.control.robot.placement import CloudLeaving
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.declared import SnapshotState
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.keeping import Kept
 from robot_offload_sim.stories.stage import Stage
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
-from robot_offload_core.words.token import Site
 from robot_offload_sim.sides.outside import UsedGoal
 from robot_offload_sim.stories.goal_stage import LIFT, GoalStage
 

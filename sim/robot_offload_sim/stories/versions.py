@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from robot_offload_core.data.process import InputPlan
-from robot_offload_core.words import beats, envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Site
+from robot_offload_core.words import beats
 from robot_offload_core.words.beats import PREVIOUS, VERSION, Beat, CloudReport
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 from robot_offload_sim.stories.stage import Stage
 
 SCAN, MAP = InputPlan("scan", 100), InputPlan("map", 2000)

@@ -13,13 +13,13 @@ from fnmatch import fnmatchcase
 from robot_offload_core.collector.state import Collector
 from robot_offload_core.control.cloud import lease
 from robot_offload_core.control.robot import placement
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.beats import Beat, CloudReport, Permission
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import DataReported, Tick
 from robot_offload_core.words.gates import Gate, Ruling
 from robot_offload_core.words.messages import PulseSent
-from robot_offload_core.words.token import Site, Token
 
 Pair = tuple[str, str, str]
 ANY = "any"

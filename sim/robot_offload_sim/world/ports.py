@@ -14,11 +14,12 @@ from typing import NamedTuple, Protocol
 from robot_offload_core.control.process import ControlProcess
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.placement import Robot
+from robot_offload_core.fence.envelope import decode
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.beats import Beat, Permission
 from robot_offload_core.words.decided import Decided
-from robot_offload_core.words.envelope import decode
-from robot_offload_core.words.gates import Charge, Gate
-from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words.gates import Gate
 from robot_offload_sim.world.coverage import Coverage
 from robot_offload_sim.world.driver import Driver
 from robot_offload_sim.world.link_model import Link

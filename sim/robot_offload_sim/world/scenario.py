@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from robot_offload_core.data.process import DataPlan, InputPlan, OutputPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words import shape
 from robot_offload_core.words.declared import StateSpec
 from robot_offload_core.words.settings import InputSpec, Mode, NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 
 UID = "wheelchair-7"
 

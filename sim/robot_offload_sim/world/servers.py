@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import ALL_GOALS, CancelCode, Face, GoalStatus
 from robot_offload_core.relay.goals.wire_ids import GOAL_ID, goal_id_of
 from robot_offload_core.words.lifecycle import State
-from robot_offload_core.words.token import Site
 from robot_offload_sim.world.nodes import Node
 from robot_offload_sim.world.world import Process, World
 

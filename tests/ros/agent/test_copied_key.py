@@ -13,10 +13,11 @@ from std_msgs.msg import Header
 
 from robot_offload_agent.link.zenoh_config import KEY_PREFIX, ZenohSettings, session_config
 from robot_offload_agent.runtime.clock import now_us
-from robot_offload_core.words import beats, envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site, Token
+from robot_offload_core.words import beats
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.token import Site, Token
 from tests.ros.agent.harness import World
 
 FORGED = "forged"

@@ -18,10 +18,11 @@ from robot_offload_agent.relay.journal import Journal
 from robot_offload_agent.runtime.bus import KINDS
 from robot_offload_agent.runtime.clock import now_s
 from robot_offload_core.data import probe
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals import journal, words
 from robot_offload_core.topics.snapshots import FORMAT, HEADER, MAGIC
-from robot_offload_core.words import beats, envelope
-from robot_offload_core.words.token import Site, Token
+from robot_offload_core.words import beats
 from tests.ros.agent.ears import wait_until
 from tests.ros.agent.harness import PROCESSES, World
 from tests.ros.agent.passage import UNDISTURBED_S, longest_gap_s

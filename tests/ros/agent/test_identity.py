@@ -9,8 +9,8 @@ import zenoh
 
 from robot_offload_agent.link.zenoh_config import ZenohSettings, key, session_config
 from robot_offload_agent.runtime.clock import now_s
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words import beats
-from robot_offload_core.words.token import Site
 from robot_offload_lab.wire.emulated import EmulatedWire, Forward, WireConfig
 from tests.ros.agent.harness import PATIENCE_S, World
 from tests.ros.agent.namespaces import OtherHost

@@ -6,8 +6,8 @@ from importlib.metadata import version
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Header, Int32, String
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words import beats
-from robot_offload_core.words.token import Site
 from tests.ros.agent.ears import BEST_EFFORT, LATCHED, Ear
 from tests.ros.agent.harness import World
 

@@ -12,15 +12,16 @@ import hypothesis
 
 from robot_offload_core.control.robot.health import Situation
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot, Stalls
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link import links
 from robot_offload_core.link.links import Link
 from robot_offload_core.link.policies import Policy
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.words.decided import Phase
-from robot_offload_core.words.gates import Charge, GateReport
+from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import InputSpec, Settings
-from robot_offload_core.words.token import Site, Token
 
 UID = "wheelchair-7"
 ROBOT = "a" * 32

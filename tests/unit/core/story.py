@@ -17,16 +17,16 @@ from robot_offload_core.collector import gate
 from robot_offload_core.control.cloud import lease
 from robot_offload_core.control.robot import placement, switcher
 from robot_offload_core.control.robot.placement import Answer, Permit, Robot
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
 from robot_offload_core.words import beats
 from robot_offload_core.words.beats import Beat, Permission
 from robot_offload_core.words.decided import Decided, Phase
-from robot_offload_core.words.envelope import Envelope
 from robot_offload_core.words.events import Acting, CloudData, DataReported, SetEgress
 from robot_offload_core.words.gates import Passage
 from robot_offload_core.words.messages import PulseSent, Reopen, SetGate
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SCAN, SETTINGS, UID, us
 
 TICK_S = 0.005

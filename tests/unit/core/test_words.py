@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
+from robot_offload_core.fence.token import Site, Token, is_incarnation
 from robot_offload_core.words import replace
-from robot_offload_core.words.token import Site, Token, is_incarnation
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER, robot_in
 
 

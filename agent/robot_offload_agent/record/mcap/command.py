@@ -24,7 +24,7 @@ from robot_offload_agent.ros.topic_loop import spin_topics
 from robot_offload_agent.runtime.clock import now_s, wall_ns
 from robot_offload_agent.runtime.release import release
 from robot_offload_agent.settings.parameters import Configuration, load
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 log = logging.getLogger(__name__)
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Token, presence
 from robot_offload_core.words.beats import Beat, CloudReport, Permission
 from robot_offload_core.words.checks import require
 from robot_offload_core.words.events import Acting, CloudData, SetEgress, Tick, assert_never
 from robot_offload_core.words.reasons import Explained
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Token, presence
 
 
 class Stand(Explained):

@@ -9,13 +9,13 @@ from robot_offload_core.control.cloud.lease import Stand
 from robot_offload_core.control.nodes import guardians
 from robot_offload_core.control.nodes.rest import Rest
 from robot_offload_core.control.process import ControlPorts, ControlProcess
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links
 from robot_offload_core.words.beats import PREVIOUS, Beat
 from robot_offload_core.words.events import Acting, CloudData, Machine, SetEgress, Tick, Witness, assert_never
 from robot_offload_core.words.messages import DataStatus, Egress, PulseSent, RelayStatus, Speak
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 
 REQUEST_LIFE_S = 2.0
 """How long a switch asked for here is offered to the robot before it is refused."""

@@ -21,13 +21,13 @@ from robot_offload_core.control.nodes.managed_nodes import (
     Observed,
     Transition,
 )
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.checks import require
 from robot_offload_core.words.events import Acting, Tick, assert_never
 from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.reasons import silence
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec
-from robot_offload_core.words.token import Site
 
 INHIBIT_PERIOD_S = 0.5
 """Repetition of an unconfirmed inhibit request, and of a standing one in case the driver restarted."""

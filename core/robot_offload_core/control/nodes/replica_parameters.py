@@ -12,10 +12,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.parameters import MAX_SHOWN, PRIVATE_TOPICS
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 ALWAYS_DIFFER = ("qos_overrides.*",)
 """Names that contain the name of a topic, which is another one on each side."""

@@ -7,8 +7,8 @@ meanwhile (a costmap, a pose) is what it lacked.
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.messages import RelayStatus
-from robot_offload_core.words.token import Site
 
 RELAY_GONE_S = 0.5
 """After this long without a report a relay holds nothing back, and nodes may be deactivated. Longer than

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link import policies
 from robot_offload_core.words.beats import PERMISSION_BEATS
 from robot_offload_core.words.decided import Decided, Phase
-from robot_offload_core.words.gates import Charge
 from robot_offload_core.words.messages import Reopen
 from robot_offload_core.words.reasons import Kind, Verdict
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 
 PREPARE_EXTRA_S = 0.5
 """Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""

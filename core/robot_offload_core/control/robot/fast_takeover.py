@@ -14,12 +14,12 @@ nothing more that could show how long its silence would have been.
 from __future__ import annotations
 
 from robot_offload_core.control.robot.placement import Command, Early, Floor, Robot
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import policies
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.messages import Reopen
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 JUDGED_TIMEOUTS = 2
 """Loss timeouts after which a takeover that no limit confirmed is taken for a mistake."""

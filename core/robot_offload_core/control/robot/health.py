@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links
 from robot_offload_core.link.links import Link
 from robot_offload_core.link.policies import Fitness
@@ -15,7 +16,6 @@ from robot_offload_core.words.beats import Beat, CloudReport
 from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import InputSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from robot_offload_core.control.robot import fast_takeover, requests
 from robot_offload_core.control.robot.changeovers import charge
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Permit, Robot
 from robot_offload_core.control.robot.stalls import starved
+from robot_offload_core.fence.token import Site, presence
 from robot_offload_core.words.beats import Permission
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import Acting
@@ -15,7 +16,6 @@ from robot_offload_core.words.gates import Gate, GateReport
 from robot_offload_core.words.messages import SetGate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.slow_outputs import SlowOutput
-from robot_offload_core.words.token import Site, presence
 
 
 def outputs_flow_now(robot: Robot, now_s: float) -> bool:

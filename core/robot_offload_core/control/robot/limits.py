@@ -13,10 +13,10 @@ from enum import Enum
 from typing import NamedTuple
 
 from robot_offload_core.control.robot.health import Circumstances, Situation
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link
 from robot_offload_core.words.beats import CloudReport
 from robot_offload_core.words.reasons import Reason, Verdict, silence
-from robot_offload_core.words.token import Site
 
 DATA_TIMEOUT_S = 0.5
 """Silence of the data session's probes (ten a second) that means it is dead, while rated outputs are judged sooner."""

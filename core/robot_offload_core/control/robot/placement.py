@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_offload_core.control.robot.health import Situation
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link.links import Link
 from robot_offload_core.link.policies import Policy
 from robot_offload_core.words.beats import Beat, Permission
@@ -15,7 +16,6 @@ from robot_offload_core.words.messages import PulseSent, Reopen, SetGate
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import InputSpec, OutputSpec, Settings
 from robot_offload_core.words.slow_outputs import SlowOutput, is_slow
-from robot_offload_core.words.token import Site, Token
 
 IN_CHARGE = {
     Phase.ROBOT: Site.ROBOT,

@@ -14,6 +14,7 @@ from robot_offload_core.control.robot.availability import Available, available
 from robot_offload_core.control.robot.limits import DATA_TIMEOUT_S
 from robot_offload_core.control.robot.placement import CloudBeat, Robot, Wish
 from robot_offload_core.control.robot.settling import meanwhile
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.beats import Beat, unveil
 from robot_offload_core.words.decided import Decided, Phase
@@ -34,7 +35,6 @@ from robot_offload_core.words.messages import (
 from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import InputSpec, NodeSpec, OutputSpec, Settings
-from robot_offload_core.words.token import Site
 
 LEVELS_PER_LEASE = 5
 UNSEEN = State.UNKNOWN.value

@@ -7,11 +7,11 @@ none of it, and nothing of it ends a stay.
 from __future__ import annotations
 
 from robot_offload_core.control.robot.placement import Handing, Preparation, RelayReported, Robot
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import StateReported
 from robot_offload_core.words.reasons import Kind, Reason, Verdict
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVERGED, Reason.STATE_STALE)}
 

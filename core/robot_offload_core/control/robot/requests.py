@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from robot_offload_core.control.robot import readiness
 from robot_offload_core.control.robot.health import clock_fault, fitness
 from robot_offload_core.control.robot.placement import IN_CHARGE, Robot, Veto, Vetoed
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import policies
 from robot_offload_core.words.reasons import Kind, Reason, Verdict
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 
 def pin(robot: Robot, now_s: float) -> Site | None:

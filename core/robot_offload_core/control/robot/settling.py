@@ -11,9 +11,9 @@ Everything else is the robot's own judgement of what it hears.
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Mode, Settings
-from robot_offload_core.words.token import Site
 
 
 def meanwhile(present: Settings, asked: Settings) -> Settings:

@@ -30,18 +30,19 @@ from robot_offload_core.control.robot.placement import (
     Wish,
 )
 from robot_offload_core.control.robot.settling import meanwhile
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links, policies
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.beats import CloudReport
 from robot_offload_core.words.checks import require
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import DataReported, StateReported, Tick, assert_never
-from robot_offload_core.words.gates import Charge, GateReport
+from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.messages import PulseSent
 from robot_offload_core.words.reasons import Kind, Reason, Verdict
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Mode, Settings
-from robot_offload_core.words.token import Site
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:

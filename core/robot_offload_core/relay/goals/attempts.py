@@ -5,6 +5,7 @@ One copy of every goal at the holder, one at the candidate of those that may be 
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.goals.questions import able, acts, copy_of, mirrored, overtaken, there
 from robot_offload_core.relay.goals.state import (
@@ -23,7 +24,6 @@ from robot_offload_core.relay.goals.state import (
 from robot_offload_core.relay.goals.work import Work
 from robot_offload_core.words.declared import WITHOUT_LIMIT_S, ActionSpec, OnSwitch
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 
 MOST_MOVES = 2
 """Changes of the side that a `Resend` goal begins anew for; then a planned switch waits for its end."""

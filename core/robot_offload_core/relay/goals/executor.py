@@ -10,9 +10,9 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from robot_offload_core.fence.token import Token
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus, RelayPorts
 from robot_offload_core.relay.goals.wire_ids import with_goal_id
-from robot_offload_core.words.token import Token
 
 CANCEL_AGAIN_S = 0.5
 """How often a server that did not end an attempt is asked again."""

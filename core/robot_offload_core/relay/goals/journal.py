@@ -14,12 +14,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.near import NearGoal
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.goals.state import Attempt, AttemptPhase, Goal, Ledger, Why
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 
 FRAME = struct.Struct(">II")
 BODY = struct.Struct(">I")

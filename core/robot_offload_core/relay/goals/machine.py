@@ -6,6 +6,7 @@ So it does not matter in which order words of two sides arrive, or which of them
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals import attempts
 from robot_offload_core.relay.goals.ports import CancelCode, GoalStatus
 from robot_offload_core.relay.goals.questions import meant, overtaken, there
@@ -41,7 +42,6 @@ from robot_offload_core.words.declared import Accept, ActionSpec
 from robot_offload_core.words.events import assert_never
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 
 def start(

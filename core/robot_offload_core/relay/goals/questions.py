@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.state import Attempt, AttemptPhase, CancelRequested, Goal, Ledger, View
 from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.words.declared import ActionSpec
-from robot_offload_core.words.token import Site, Token
 
 
 def meant(asked: CancelRequested, goal_id: bytes, stamp_ns: int) -> bool:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.questions import there
 from robot_offload_core.relay.goals.state import ASK_AGAIN_S, View
 from robot_offload_core.words.declared import ServiceMode, ServiceSpec
-from robot_offload_core.words.token import Site
 
 MAX_WAITING = 64
 """Requests of one service that wait for a holder; a further one fails at once."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.ports import CancelCode, GoalEntry, GoalStatus
 from robot_offload_core.words.declared import ActionSpec
 from robot_offload_core.words.holding import Holding
-from robot_offload_core.words.token import Site, Token
 
 MAX_LIVE = 256
 """Goals of all actions together that have not ended; a further one is refused."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.state import View
 from robot_offload_core.words.declared import UsedService
-from robot_offload_core.words.token import Site, Token
 
 
 class Admission(Enum):

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.state import View
 from robot_offload_core.relay.goals.used import Admission, admit
 from robot_offload_core.words.declared import UsedAction
-from robot_offload_core.words.token import Site, Token
 
 
 class Move(Enum):

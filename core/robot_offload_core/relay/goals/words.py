@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields
 from enum import Enum, IntEnum
 from typing import Any, get_type_hints
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.ports import Face, GoalStatus
-from robot_offload_core.words.token import Site, Token
 
 MAGIC = b"RR\0\1"
 HEAD = struct.Struct(">4s16s16sQB")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.goals.questions import acts
 from robot_offload_core.relay.goals.state import (
@@ -23,7 +24,6 @@ from robot_offload_core.relay.goals.state import (
 from robot_offload_core.relay.goals.wire_ids import attempt_id
 from robot_offload_core.words.declared import ActionSpec
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site, Token
 
 
 class Work:

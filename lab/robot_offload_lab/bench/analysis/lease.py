@@ -13,9 +13,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robot_offload_core.words import beats, envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Token
+from robot_offload_core.words import beats
 from robot_offload_core.words.beats import Permission
-from robot_offload_core.words.token import Token
 from robot_offload_core.words.veil import veil_token
 from robot_offload_lab.bench.observed import Departed, Observation, Reached, only
 

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import zenoh
 
-from robot_offload_core.words.envelope import LAYOUT
+from robot_offload_core.fence.envelope import LAYOUT
 from robot_offload_lab.bench.observed import LINES, Departed, Observation, Reached
 from robot_offload_lab.wire.loop import steady_s
 

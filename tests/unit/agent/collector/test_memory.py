@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from robot_offload_agent.runtime.collector_memory import MEMORY_BYTES, NOBODY, HolderView, Memory
 from robot_offload_core.collector import gate
 from robot_offload_core.collector.state import Collector
-from robot_offload_core.words.gates import Charge
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.holding import Holding
-from robot_offload_core.words.token import Site, Token
 
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32)
 

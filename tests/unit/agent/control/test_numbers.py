@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot_offload_agent.control.numbers import changeover
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 LAST = (100.0, "robot", "HeartbeatLost")
 

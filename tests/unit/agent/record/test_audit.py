@@ -14,11 +14,11 @@ from robot_offload_agent.record.audit import AuditTrail, files, lines
 from robot_offload_core.control.robot import placement
 from robot_offload_core.control.robot.placement import Wish
 from robot_offload_core.control.robot.process import FROM_CLOUD
+from robot_offload_core.fence.token import Site
 from robot_offload_core.record import audit
 from robot_offload_core.record.audit import Kind, verify
 from robot_offload_core.words.events import Machine
 from robot_offload_core.words.messages import PulseSent
-from robot_offload_core.words.token import Site
 
 Opened = Callable[[Path], AuditTrail]
 

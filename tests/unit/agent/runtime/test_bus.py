@@ -16,11 +16,12 @@ from hypothesis import strategies as st
 from robot_offload_agent.runtime import bus, records
 from robot_offload_agent.runtime.bus import MAX_INLINE, Bus
 from robot_offload_agent.runtime.parcels import LARGEST_BYTES, TOTAL_BYTES, TOTAL_COUNT
-from robot_offload_core.words import beats, envelope, messages
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Token
+from robot_offload_core.words import beats, messages
 from robot_offload_core.words.beats import CloudReport, Permission
 from robot_offload_core.words.codec import CodecError, plain, typed
 from robot_offload_core.words.messages import ENVELOPE, PASSED, Arrived, Carried, Fatal, Letters, PulseSent, Speak
-from robot_offload_core.words.token import Token
 
 HEADER = envelope.encode(envelope.Envelope(Token("ab" * 16, 3, "cd" * 16), 7, 8))
 

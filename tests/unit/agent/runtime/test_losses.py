@@ -6,9 +6,9 @@ from pathlib import Path
 from robot_offload_agent.runtime import losses
 from robot_offload_agent.runtime.bus import Bus
 from robot_offload_agent.runtime.parcels import LARGEST_BYTES, TOTAL_BYTES
-from robot_offload_core.words import envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.token import Token
 from robot_offload_core.words.messages import ENVELOPE
-from robot_offload_core.words.token import Token
 
 HEADER = envelope.encode(envelope.Envelope(Token("ab" * 16, 3, "cd" * 16), 7, 8))
 

@@ -13,7 +13,7 @@ from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.notes import CloudNotes, RobotNotes, decode_robot, encode
 from robot_offload_agent.settings.offer import Offer
 from robot_offload_agent.settings.parameters import Configuration, parse
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 OFFER = Offer(4, {"pin": "Robot"})
 WORSE = Offer(5, {"lease_ms": 9000.0})

@@ -8,7 +8,7 @@ import pytest
 from robot_offload_agent.settings import override as overrides
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, parse
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 
 @pytest.fixture

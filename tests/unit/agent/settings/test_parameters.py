@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.main import main
 from robot_offload_agent.settings import parameters, topics
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 
 LEAST: dict[str, Any] = {"side": "robot", "uid": "walker-1"}
 ONE_OF_EACH: dict[str, Any] = {

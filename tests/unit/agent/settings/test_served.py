@@ -9,6 +9,7 @@ import pytest
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.settings.parameters import parse
 from robot_offload_agent.settings.served import member_in
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import (
     Accept,
     ActionSpec,
@@ -18,7 +19,6 @@ from robot_offload_core.words.declared import (
     UsedAction,
     UsedService,
 )
-from robot_offload_core.words.token import Site
 
 ACTION = {
     "actions": ["follow"],

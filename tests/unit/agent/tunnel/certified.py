@@ -12,7 +12,7 @@ from pathlib import Path
 from robot_offload.render.pki import build_certificates
 from robot_offload_agent.tunnel.configuration import Address, TunnelConfiguration
 from robot_offload_agent.tunnel.ends import Tunnel
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.run.free import free_ports
 
 PATIENCE_S = 60.0

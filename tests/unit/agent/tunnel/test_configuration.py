@@ -9,7 +9,7 @@ import pytest
 
 from robot_offload_agent.errors import ConfigurationError
 from robot_offload_agent.tunnel.configuration import Address, parse, read
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 GOOD: dict[str, Any] = {
     "side": "robot",

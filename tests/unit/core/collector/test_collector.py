@@ -10,10 +10,11 @@ import pytest
 from robot_offload_core.collector import gate as collectors
 from robot_offload_core.collector.gate import PAUSE_GRACE_S, PAUSE_S
 from robot_offload_core.collector.state import Collector
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate, GateReport, Passage, Ruling
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
+from robot_offload_core.words.gates import Gate, GateReport, Passage, Ruling
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, STRANGER, charge, us
 
 OUTPUTS = (OutputSpec("cmd_vel", 0.150), OutputSpec("plan", 0.0))

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_offload_core.collector import gate
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate, Passage
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
+from robot_offload_core.words.gates import Gate, Passage
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, STRANGER, few, many, us
 
 OUTPUTS = (OutputSpec("cmd_vel", 0.150), OutputSpec("lights", 0.300), OutputSpec("plan", 0.0))

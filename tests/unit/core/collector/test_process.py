@@ -9,14 +9,15 @@ import pytest
 
 from robot_offload_core.collector.process import CollectorPlan, CollectorProcess
 from robot_offload_core.collector.state import Collector
-from robot_offload_core.words import envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.codec import plain, typed
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.gates import Charge, Gate
+from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.messages import ENVELOPE, PASSED, Carried, CloudTypes, CollectorStatus, SetGate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site, Token
 from robot_offload_core.words.topic_kinds import same_type
 
 TWIST = "geometry_msgs/msg/Twist"

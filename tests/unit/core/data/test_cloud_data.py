@@ -12,11 +12,11 @@ from robot_offload_core.data import probe
 from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.data.probe import Probe
 from robot_offload_core.data.process import DataPlan, InputPlan
-from robot_offload_core.words import envelope
-from robot_offload_core.words.envelope import Envelope
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Token
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.messages import Egress
-from robot_offload_core.words.token import Token
 
 ROBOT, CLOUD = "1" * 32, "2" * 32
 SCAN, POSE = "sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Pose"

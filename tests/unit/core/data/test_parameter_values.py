@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_core.data import parameter_values
 from robot_offload_core.data.parameter_values import Value, decode, encode
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 
 TABLE: dict[str, Value] = {
     "go": (1, True),

@@ -5,9 +5,9 @@ from __future__ import annotations
 from robot_offload_core.data.cloud import CloudDataProcess
 from robot_offload_core.data.process import DataPlan, DataProcess, InputPlan, OutputPlan
 from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.fence.token import Token
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.messages import PASSED, Carried, Egress, Orders
-from robot_offload_core.words.token import Token
 from tests.unit.core.builders import CLOUD, ROBOT
 from tests.unit.core.data.test_states import Ports
 

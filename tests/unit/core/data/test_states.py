@@ -16,11 +16,11 @@ from robot_offload_core.data.probe import Probe, decode, encode
 from robot_offload_core.data.process import DataPlan
 from robot_offload_core.data.robot import RobotDataProcess
 from robot_offload_core.data.states import CHANNEL, READ_S, SNAPSHOT_RESEND_S, CloudStates, RobotStates, StateProcess
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.declared import ParameterState, SnapshotState, StateSpec, TopicState
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.messages import DataStatus, Egress, Heard, Orders
-from robot_offload_core.words.token import Site, Token
 from robot_offload_state.packing import pack
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
 

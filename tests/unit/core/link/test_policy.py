@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import policies
 from robot_offload_core.link.experts import EVERYBODY, NOBODY, Outlook, Spells
 from robot_offload_core.link.policies import CLOUD_PREFERRED, PROVEN_S, Fitness, Policy
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import NOW_S, SETTINGS, many
 
 GOOD = Fitness(True, Reason.LINK_GOOD, "Loop latency 10 ms", 0.010, 0.010)

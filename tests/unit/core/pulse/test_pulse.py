@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
 from robot_offload_core.pulse.pulse import MAX_SENDERS, Heard, Pulse
 from robot_offload_core.words import beats
 from robot_offload_core.words.beats import PERMISSION_BEATS, Beat, CloudReport, Permission
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     BEAT_S,
     CLOUD,

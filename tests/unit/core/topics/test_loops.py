@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.topics.shared import ECHO_S, TAKEN_S, Echoes, Loop
 from robot_offload_core.words.declared import Frame
 from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.settings import OutputSpec
-from robot_offload_core.words.token import Site
 from tests.unit.core.topics.test_transforms import message, names
 
 NOW_S = 100.0

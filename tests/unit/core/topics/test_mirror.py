@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Token
 from robot_offload_core.topics import mirror
 from robot_offload_core.topics.mirror import Mirror
-from robot_offload_core.words.token import Token
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
 
 

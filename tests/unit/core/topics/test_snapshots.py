@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Token
 from robot_offload_core.topics.snapshots import FORMAT, HEADER, MAGIC, Refused, Snapshot, Standing, parse, take
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.token import Token
 from robot_offload_state.packing import SnapshotError, pack, unpack
 from tests.unit.core.builders import CLOUD, ROBOT, many
 

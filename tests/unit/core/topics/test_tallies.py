@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from robot_offload_core.control.tallies import LATENCY_MS, LinkTally
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link
 from robot_offload_core.topics.tallies import GAP_MS, SWITCH_S, SwitchSilence, bucket
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.replace import replace
-from robot_offload_core.words.token import Site
 
 TIMEOUT_S = 0.09
 LINK = Link("cloud", 10.0, 9.99, 0.012, (0.012,), None, 100, 100, 1)

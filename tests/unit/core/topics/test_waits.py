@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from robot_offload_core.data.process import DataPlan, InputPlan
 from robot_offload_core.data.robot import RobotDataProcess
+from robot_offload_core.fence import envelope
 from robot_offload_core.topics.waits import ON_THE_WAY_S, WAITS_WINDOW_S, Waits
-from robot_offload_core.words import envelope
 from robot_offload_core.words.messages import Heard
 from tests.unit.core.data.test_states import Ports
 

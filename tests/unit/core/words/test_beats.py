@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words import beats
 from robot_offload_core.words.beats import (
     MAX_AGE_MS,
@@ -21,7 +22,6 @@ from robot_offload_core.words.beats import (
     Echo,
     Permission,
 )
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import CLOUD, ROBOT, UID, cloud_beat, many, report, robot_beat
 
 incarnations = st.text("0123456789abcdef", min_size=32, max_size=32)

@@ -13,14 +13,15 @@ from robot_offload_core.control.nodes import guardians
 from robot_offload_core.control.nodes.guardians import Guardian
 from robot_offload_core.control.robot import switcher
 from robot_offload_core.control.robot.placement import Preparation, Robot
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.beats import Beat, Echo, Permission
 from robot_offload_core.words.checks import InvariantError
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import Tick
-from robot_offload_core.words.gates import Charge, Gate
+from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site, Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SETTINGS, robot_in
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.declared import (
     LARGEST_SNAPSHOT,
     ActionSpec,
@@ -22,7 +23,6 @@ from robot_offload_core.words.declared import (
     While,
 )
 from robot_offload_core.words.settings import InputSpec, NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site
 
 PLAN = ("/make_plan", "nav_msgs/srv/GetPlan")
 FOLLOW = ("/follow_path", "nav2_msgs/action/FollowPath")

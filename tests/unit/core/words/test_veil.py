@@ -1,6 +1,6 @@
 """The name by which the cloud calls a robot."""
 
-from robot_offload_core.words.token import Token, is_incarnation
+from robot_offload_core.fence.token import Token, is_incarnation
 from robot_offload_core.words.veil import unveil_token, unveiled, veil_token, veiled
 from tests.unit.core.builders import CLOUD, ROBOT, STRANGER
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from robot_offload_core.fence.token import Site as Side
 from robot_offload_core.words import beats
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
-from robot_offload_core.words.token import Site as Side
 from robot_offload_lab.bench.observed import Answered, BeatHeard, Transition
 from robot_offload_lab.bench.resource import COMMAND
 from robot_offload_lab.judge.recording import Arrival, Ending, PlacementChange, Recording, RunInfo, Site, assemble

@@ -1,8 +1,8 @@
 import pytest
 
-from robot_offload_core.words import envelope
-from robot_offload_core.words.envelope import Envelope
-from robot_offload_core.words.token import Token
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import Envelope
+from robot_offload_core.fence.token import Token
 from robot_offload_lab.bench.analysis import lease
 from robot_offload_lab.bench.observed import Departed, Reached
 from tests.unit.lab.bench.stories import CLOUD, OTHER, ROBOT, grant

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.links.recorded import Trace, load_trace, parse_trace
 from robot_offload_lab.replay.costs import Weights
 from robot_offload_lab.replay.heartbeats import Heartbeats, derive

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.replay.costs import Change, Score, Weights, optimum, stretches
 from tests.unit.lab.replay.cases import PERIOD_S, beats_of, link, made_case
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.costs import Change, Weights
 from robot_offload_lab.replay.limits import adapted_loss_timeout_s, clamped
 from robot_offload_lab.replay.named import POLICIES

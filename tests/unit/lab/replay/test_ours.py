@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.links.recorded import Trace
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.ours import Eyes, Ours

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.links.recorded import Trace
 from robot_offload_lab.replay.contract import SwitchingPolicy
 from robot_offload_lab.replay.peers import Dwell, Mean, OneSide, Threshold

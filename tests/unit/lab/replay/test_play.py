@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from robot_offload.errors import InputError
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site
 from robot_offload_lab.replay.contract import Decision
 from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.named import POLICIES

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_offload_core.words.token import Site
+from robot_offload_core.fence.token import Site
 from robot_offload_lab.replay.costs import Change, Weights, score
 from robot_offload_lab.replay.heartbeats import Heartbeats
 from robot_offload_lab.replay.limits import newest

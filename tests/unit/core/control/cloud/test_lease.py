@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from robot_offload_core.control.cloud import lease
 from robot_offload_core.control.cloud.lease import Cloud, CloudNodes, Command, RobotBeat, SetReport, StandChanged
+from robot_offload_core.fence.token import Token, presence
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.words.events import Acting, CloudData, SetEgress, Tick
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Token, presence
 from tests.unit.core.builders import CLOUD, LEASE_US, NOW_S, ROBOT, SETTINGS, STRANGER, many, permission, robot_beat, us
 
 LEASE_S = SETTINGS.lease_s

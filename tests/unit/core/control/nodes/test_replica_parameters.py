@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from robot_offload_core.control.nodes import replica_parameters
 from robot_offload_core.control.nodes.replica_parameters import MAX_STATED, Compared, Table, counts, value_digest
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.parameters import MAX_SHOWN
-from robot_offload_core.words.token import Site
 
 TABLE = {"rate_hz": "aa", "speed": "bb"}
 OTHER = {"rate_hz": "cc", "speed": "bb", "window": "dd"}

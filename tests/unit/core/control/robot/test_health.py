@@ -11,10 +11,10 @@ import pytest
 from robot_offload_core.control.robot import health, limits
 from robot_offload_core.control.robot.health import Circumstances, Situation
 from robot_offload_core.control.robot.limits import DATA_TIMEOUT_S, LIMITS, Basis
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link, Offset
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.settings import InputSpec
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     EPOCHS,
     NOW_S,

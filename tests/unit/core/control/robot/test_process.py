@@ -10,13 +10,13 @@ from robot_offload_core.control.nodes import managed_nodes
 from robot_offload_core.control.robot import requests
 from robot_offload_core.control.robot.availability import Available
 from robot_offload_core.control.robot.process import LEVELS_PER_LEASE, RobotControlProcess, RobotPlan
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.beats import Beat
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.messages import CollectorStatus, SetGate
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec, OutputSpec
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, SETTINGS, STRANGER, us
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from robot_offload_core.control.nodes.rest import RELAY_GONE_S, Rest
 from robot_offload_core.control.robot import readiness
 from robot_offload_core.control.robot.placement import Handing, Preparation, RelayReported, Robot
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import StateReported
 from robot_offload_core.words.messages import RelayStatus
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
-from robot_offload_core.words.token import Site, Token
 
 POLICY = Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, "")
 PIN = Verdict(Site.CLOUD, Reason.PINNED_TO_CLOUD, "")

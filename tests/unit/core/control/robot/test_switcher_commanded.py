@@ -19,6 +19,7 @@ from robot_offload_core.control.robot.placement import (
     SwitchByHand,
     Wish,
 )
+from robot_offload_core.fence.token import Site, presence
 from robot_offload_core.words.beats import Permission
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import Acting, Tick
@@ -26,7 +27,6 @@ from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.messages import Reopen, SetGate
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site, presence
 from tests.unit.core.builders import (
     BEAT_S,
     CLOUD,

@@ -9,6 +9,7 @@ import pytest
 
 from robot_offload_core.control.robot import switcher
 from robot_offload_core.control.robot.placement import GateReported, Permit, Robot, SetPin, SwitchByHand, Wish
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.beats import PERMISSION_BEATS
 from robot_offload_core.words.decided import Phase
@@ -16,7 +17,6 @@ from robot_offload_core.words.events import Acting, Tick
 from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.messages import SetGate
 from robot_offload_core.words.settings import STALL_BEATS, OutputSpec
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     BEAT_S,
     NOW_S,

@@ -19,13 +19,13 @@ from robot_offload_core.control.robot.placement import (
     Stalls,
     Wish,
 )
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.policies import Policy
 from robot_offload_core.words.beats import Beat, Echo
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import Acting, DataReported, Tick
 from robot_offload_core.words.messages import Reopen, SetGate
 from robot_offload_core.words.settings import OutputSpec, Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     BEAT_S,
     NOW_S,

@@ -26,13 +26,14 @@ from robot_offload_core.control.robot.placement import (
     SwitchByHand,
     Wish,
 )
+from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.beats import CloudReport, Echo
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import DataReported, Tick
-from robot_offload_core.words.gates import Charge, GateReport
+from robot_offload_core.words.gates import GateReport
 from robot_offload_core.words.messages import PulseSent, SetGate
 from robot_offload_core.words.settings import Mode, Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     CLOUD,
     NOW_S,

@@ -22,13 +22,13 @@ from robot_offload_core.control.robot.placement import (
     Vetoed,
     Wish,
 )
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link.links import Link, Offset
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.events import Acting, Tick
 from robot_offload_core.words.messages import Reopen
 from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.settings import Mode, Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import (
     NOW_S,
     SETTINGS,

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from robot_offload_core.control.robot import switcher
 from robot_offload_core.control.robot.placement import CloudLeaving, Robot, SetPin, SetSettings, SwitchByHand, Wish
 from robot_offload_core.control.robot.settling import meanwhile
+from robot_offload_core.fence.token import Site
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.declared import SettingsError
 from robot_offload_core.words.events import Tick
 from robot_offload_core.words.settings import Mode, Settings
-from robot_offload_core.words.token import Site
 from tests.unit.core.builders import CLOUD, NOW_S, SCAN, SETTINGS, STRANGER, few, good_link, many, robot_in, situation
 from tests.unit.core.story import CLOUD_AHEAD_S, Story, in_cloud, on_robot
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any, get_type_hints
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals import words
 from robot_offload_core.relay.goals.ports import Face, GoalStatus
-from robot_offload_core.words.token import Site, Token
 
 NAMES = ("", "odom", "command", "walker", "../../x", "os", "x" * 300)
 NUMBERS = (0, 1, 2, 7, 2**31, 2**63, 2**64 - 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from robot_offload_core.fence.token import Site, Token, presence
 from robot_offload_core.relay.cloud import CloudRelay
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalEntry, GoalStatus
 from robot_offload_core.relay.goals.wire_ids import goal_id_of, with_goal_id
@@ -23,7 +24,6 @@ from robot_offload_core.words.declared import (
 from robot_offload_core.words.events import SetEgress
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.messages import Egress, Letters, RelayOrders, RelayStatus
-from robot_offload_core.words.token import Site, Token, presence
 
 ROBOT, CLOUD = "a1" * 16, "c1" * 16
 FOLLOW, SPIN, WAIT = "/follow_path", "/spin", "/wait"

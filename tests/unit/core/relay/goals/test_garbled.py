@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import Face
 from robot_offload_core.words.messages import Letters
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.garbled import letters
 from tests.unit.core.relay.goals.pair import ALL, CLOUD, ROBOT, Pair, Side, token
 

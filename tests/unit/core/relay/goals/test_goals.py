@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus
 from robot_offload_core.relay.robot import GOALS_PENDING
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import FOLLOW, SPIN, WAIT, Pair, goal, goal_id
 
 SUCCEEDED, ABORTED, CANCELED = GoalStatus.SUCCEEDED, GoalStatus.ABORTED, GoalStatus.CANCELED

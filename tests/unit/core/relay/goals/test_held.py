@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.attempts import MOST_MOVES
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import WITHOUT_LIMIT_S, ActionSpec, OnSwitch
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import FOLLOW, Pair
 
 PATROL = "/patrol"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import GoalStatus
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import ActionSpec, OnSwitch, ServiceMode, ServiceSpec
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import Pair, goal_id
 from tests.unit.core.relay.goals.test_requests import answer
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import Face
 from robot_offload_core.relay.process import MAX_PAYLOAD, RelayPlan
 from robot_offload_core.relay.robot import DIVERGED
 from robot_offload_core.words.declared import ServiceMode, ServiceSpec
 from robot_offload_core.words.messages import Letters
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import ALL, CLEAR, COUNT, FOLLOW, LAMP, PLAN, Pair, Side
 
 

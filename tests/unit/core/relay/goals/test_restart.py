@@ -5,11 +5,11 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals import journal
 from robot_offload_core.relay.goals.ports import ALL_GOALS, CancelCode, Face, GoalStatus
 from robot_offload_core.words.holding import Holding
 from robot_offload_core.words.messages import Letters
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import FOLLOW, PLAN, SPIN, Pair, goal, goal_id, token
 from tests.unit.core.relay.goals.test_mirrors import PLAN as MIRRORED
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from robot_offload_core.fence.token import Site
 from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus
 from robot_offload_core.relay.process import RelayPlan
 from robot_offload_core.words.declared import UsedAction, UsedService
-from robot_offload_core.words.token import Site
 from tests.unit.core.relay.goals.pair import LIFT, Pair, Side, goal, goal_id
 
 NOW, LATER = 0.0, 0.5

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.relay.goals import words
 from robot_offload_core.relay.goals.courier import WINDOW, Courier
 from robot_offload_core.relay.goals.ports import Face, GoalStatus
 from robot_offload_core.relay.goals.words import CallVerdict, RelayFrame, WordError
-from robot_offload_core.words.token import Site, Token
 
 NUMBERS = st.integers(0, 2**64 - 1)
 INCARNATIONS = st.text("0123456789abcdef", min_size=32, max_size=32).filter(lambda text: text.strip("0") != "")

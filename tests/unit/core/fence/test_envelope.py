@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_offload_core.words import envelope
-from robot_offload_core.words.envelope import LAYOUT, MAGIC, Envelope, EnvelopeError
-from robot_offload_core.words.token import Token
+from robot_offload_core.fence import envelope
+from robot_offload_core.fence.envelope import LAYOUT, MAGIC, Envelope, EnvelopeError
+from robot_offload_core.fence.token import Token
 from tests.unit.core.builders import CLOUD, NOW_S, ROBOT, many, us
 
 words = st.integers(0, 2**64 - 1)
