@@ -393,7 +393,7 @@ def test_a_wrong_option_is_refused_in_one_line(demo: Demo, arguments: tuple[str,
 
 @pytest.mark.ros
 def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) -> None:
-    options = ("--duration", "26", "--outage", "3/10", "--slow", "none", "--json")
+    options = ("--duration", "46", "--outage", "3/20", "--slow", "none", "--json")
     _code, said, errors = demo.run("--example", "sedia", *options)
     report = json.loads(said or "{}")
     assert report, errors
