@@ -89,7 +89,6 @@ def goes_on(robot: Robot) -> None:
     assert not watch.goals[1].ending, "the goal has ended before the faults have"
 
 
-@pytest.mark.core
 @pytest.mark.timeout(1200)
 def test_one_goal_has_one_result_through_killed_relays_an_outage_a_killed_pod_and_a_rolled_image(
     story: Story, tmp_path: Path
