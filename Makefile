@@ -23,7 +23,7 @@ simulate: venv ## The protocol in virtual time; ARGS="--hours 1 --seed 7"
 ##@ Check
 PYTEST := $(PYTHON) -m pytest
 BESIDE := -n 2 --dist loadfile
-.PHONY: test test-all test-fast test-pure test-integration test-nodes test-ros test-simulation cluster-programs
+.PHONY: test test-all campaign test-fast test-pure test-integration test-nodes test-ros test-simulation cluster-programs
 .PHONY: e2e e2e-full lint types verify fmt
 test: venv cluster-programs ## What every commit runs: unit, contract, API server, stories, the demo, a core of real ROS processes
 	@$(PYTHON) -m scripts.lacking
@@ -35,7 +35,10 @@ test-all: venv cluster-programs ## The rest: every chart, cluster, ROS and simul
 	$(PYTEST) $(BESIDE) -m "not core and not cluster" tests/integration $(ARGS)
 	$(PYTEST) -m cluster tests/integration $(ARGS)
 	$(PYTEST) -m "not core" tests/ros $(ARGS)
-	$(PYTEST) $(BESIDE) -m "not core" tests/simulation $(ARGS)
+	$(PYTEST) $(BESIDE) -m "not core and not campaign" tests/simulation $(ARGS)
+
+campaign: venv ## Two hours of virtual time in storms: run it after a change of the protocol
+	$(PYTEST) -m campaign tests/simulation $(ARGS)
 
 cluster-programs:
 	-@$(PYTHON) -m robot_offload_lab.cluster build > /dev/null  # shows its progress here; without Go those tests are skipped

@@ -1,4 +1,4 @@
-"""The protocol in virtual time, within CI's budget. Longer runs: `make simulate ARGS="--hours H --seed N"`."""
+"""The protocol in two hours of virtual time. Longer runs: `make simulate ARGS="--hours H --seed N"`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MORE = 12
 MOST = 240
 """Stretches added at a time, and at most, while a pair of state and event has not been met: chance alone decides."""
 
-pytestmark = [pytest.mark.simulation, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.simulation, pytest.mark.campaign, pytest.mark.timeout(3600)]
 
 
 def pairs_of_stories() -> set[Pair]:
