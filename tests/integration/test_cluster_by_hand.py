@@ -113,7 +113,7 @@ def test_by_hand_from_up_to_down(layout: Layout, tmp_path: Path) -> None:
     assert "has the address" in by_hand(tmp_path, "robot", "car", "add").end()[0]
     assert "'delay_ms': 5.0" in by_hand(tmp_path, "robot", "car", "wire", "delay_ms=5", "cut=both").end()[0]
     assert "'cut': None" in by_hand(tmp_path, "robot", "car", "wire", "cut=").end()[0]
-    assert "no setting of a wire" in by_hand(tmp_path, "robot", "car", "wire", "speed=5").end()[1]
+    assert "is not a setting of a wire" in by_hand(tmp_path, "robot", "car", "wire", "speed=5").end()[1]
     assert "192.168." in by_hand(tmp_path, "robot", "car", "run", "ip", "-br", "address").end()[0]
 
     with pytest.raises(ClusterError, match="started by hand"):
