@@ -23,7 +23,7 @@ _STANDARD_TYPES: Final = (
     "type_description_interfaces/",
     "composition_interfaces/",
 )
-_RESENT: Final = ("NavigateToPose", "FollowPath", "ComputePathToPose", "ComputePathThroughPoses", "SmoothPath")
+_CONTINUED: Final = ("NavigateToPose", "FollowPath", "ComputePathToPose", "ComputePathThroughPoses", "SmoothPath")
 """Actions of Nav2 whose goals name a target; a replica that gets one a second time does the same."""
 _LEAST_AGE_MS: Final = 200
 _PERIODS_OF_AGE: Final = 5
@@ -175,7 +175,7 @@ def _offer(kind: str, name: str, type_name: str, node: NodeSketch, clients: list
     if kind == "services":
         return Entry(value, f"{who}; mode Idempotent for queries, Both for what both replicas must do")
     if node.placement == "Duplicated":
-        again = type_name.rpartition("/")[2] in _RESENT
+        again = type_name.rpartition("/")[2] in _CONTINUED
         value["onSwitch"] = "Continue" if again else "Abort"
         who += "" if again else "; Continue if its goal names a place, Hold if it is short"
     return Entry(value, who)
