@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from robot_offload_lab.judge.busy import TIMING, busy, counted
 from robot_offload_lab.judge.invariants import Violation, gap_limit_ms, violations
 from robot_offload_lab.judge.measures import Measures
 from robot_offload_lab.judge.streams import quantile
@@ -38,20 +37,6 @@ def judged(measures: Measures, label: str = "") -> Measures:
     return measures
 
 
-TIMING: Final = frozenset({"Gap", "GoalGap", "Lost", "Stale"})
-"""What a machine that stands still for a moment brings about without us: such a story has a second try.
-
-`Stale` too: age is counted here from the stamp that a node's own thread makes. One that stands still between that and
-publishing says something old, and no agent can know.
-"""
-
-
-BUSY: Final = frozenset({"ControlStarved", "CloudControlSilent"})
-"""What agents say when their own control process, or that of the other side, does not get its processor."""
-BUSY_CHANGES: Final = 5
-"""More of these than any story kills processes: then the machine was too busy to judge time by it."""
-
-
 class BrokenPromiseError(AssertionError):
     """What no busy machine explains: a story that raises it is never run again."""
 
@@ -67,10 +52,9 @@ def assert_faultless(measures: Measures, *, but: frozenset[str] = frozenset()) -
         BrokenPromiseError: something else than silence came through, or did not.
         AssertionError: it was silent for too long, on a machine that gave both agents their processor.
     """
-    starved = sum(change.reason in BUSY for change in measures.recording.placements) >= BUSY_CHANGES
-    figure("agents that were starved of their processor", int(starved))
-    excused = but | TIMING if starved else but
-    found = [each for each in violations(measures) if each.kind not in excused]
+    why_busy = busy(measures.recording)
+    figure("too busy to judge time", int(bool(why_busy)))
+    found = [each for each in counted(violations(measures), why_busy) if each.kind not in but]
     if not {each.kind for each in found} <= TIMING:
         raise BrokenPromiseError(told(found))
     assert not found, told(found)

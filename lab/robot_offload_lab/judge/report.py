@@ -16,6 +16,7 @@ import jinja2
 
 from robot_offload_lab.judge import drawing, handed
 from robot_offload_lab.judge import report_figures as figures
+from robot_offload_lab.judge.busy import UNKNOWN, Computer, busy, counted
 from robot_offload_lab.judge.invariants import Violation, violations
 from robot_offload_lab.judge.measures import Measures, Switch, measure, median_period_ms
 from robot_offload_lab.judge.recording import SITES, Recording
@@ -34,19 +35,25 @@ class ReportFiles:
     png: Path
 
 
-def write(recording: Recording, directory: Path, processor: Mapping[str, float] | None = None) -> ReportFiles:
+def write(
+    recording: Recording,
+    directory: Path,
+    processor: Mapping[str, float] | None = None,
+    computer: Computer = UNKNOWN,
+) -> ReportFiles:
     """Write `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
 
     Args:
         recording: of the run.
         directory: where to write.
         processor: share of one core that each program used, percent.
+        computer: what it did during the run.
 
     Raises:
         OSError: the files cannot be written.
     """
     measures = measure(recording)
-    report = build(measures, processor)
+    report = build(measures, processor, computer)
     directory.mkdir(parents=True, exist_ok=True)
     files = ReportFiles(directory / "report.json", directory / "report.html", directory / "run.png")
     files.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -55,9 +62,13 @@ def write(recording: Recording, directory: Path, processor: Mapping[str, float] 
     return files
 
 
-def build(measures: Measures, processor: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Return the report as plain values, ready for JSON; `processor` as in `write`."""
+def build(
+    measures: Measures, processor: Mapping[str, float] | None = None, computer: Computer = UNKNOWN
+) -> dict[str, Any]:
+    """Return the report as plain values, ready for JSON; `processor` and `computer` as in `write`."""
     recording = measures.recording
+    why_busy, found = busy(recording, computer), violations(measures)
+    kept = counted(found, why_busy)
     outcome = recording.outcome
     return {
         "schema": SCHEMA,
@@ -82,7 +93,9 @@ def build(measures: Measures, processor: Mapping[str, float] | None = None) -> d
         "calls": _calls(recording),
         "state": [_taking(taking, recording) for taking in handed.takings(recording)],
         "processor": dict(processor or {}),
-        "violations": [_violation(violation) for violation in violations(measures)],
+        "busy": why_busy,
+        "violations": [_violation(violation) for violation in kept],
+        "excused": [_violation(violation) for violation in found if violation not in kept],
     }
 
 

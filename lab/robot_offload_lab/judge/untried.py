@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from robot_offload_lab.judge.invariants import OFFLOAD
@@ -10,6 +10,8 @@ from robot_offload_lab.judge.invariants import OFFLOAD
 
 def untried(report: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each promise of which a run without a violation shows nothing."""
+    if report["busy"]:
+        yield f"{report['busy']}; {_excused(report['excused'])}. Close other programs, or use a faster one"
     for topic, output in report["outputs"].items():
         if output["received"] and output["lost"] is None:
             yield f"{topic}: duplicates, losses and age are not known; its messages carry no number of ours"
@@ -18,3 +20,10 @@ def untried(report: Mapping[str, Any]) -> Iterator[str]:
     for goal in report["goals"]:
         if not goal["results"]:
             yield f"Goal {goal['goal']} had no result when the run ended ({goal['ending']})"
+
+
+def _excused(excused: Sequence[Mapping[str, Any]]) -> str:
+    if not excused:
+        return "every promise was kept all the same"
+    kinds = ", ".join(sorted({violation["kind"] for violation in excused}))
+    return f"{len(excused)} that it explains {'is' if len(excused) == 1 else 'are'} left out ({kinds})"

@@ -27,6 +27,7 @@ from robot_offload.api.files import load
 from robot_offload.api.v1alpha1 import RobotOffload
 from robot_offload.errors import InputError, RobotOffloadError
 from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.busy import UNKNOWN, Computer
 from robot_offload_lab.judge.recording import LinkSample
 from robot_offload_lab.run import usage
 from robot_offload_lab.run.ensemble import Ensemble
@@ -157,7 +158,9 @@ def run(options: DemoOptions, view: View) -> DemoResult:
         for line in agent_errors(system):
             view.say(line)
         view.say("Writing the report")
-    return DemoResult(write_report(system, demo.processor), system.recording, trouble, machine.sentence())
+    computer = Computer(demo.busy_share, max(machine.lengths_s, default=0.0))
+    written = write_report(system, demo.processor, computer)
+    return DemoResult(written, system.recording, trouble, machine.sentence())
 
 
 def manifest(offload: RobotOffload) -> dict[str, Any]:
@@ -201,11 +204,13 @@ def _system(
     )
 
 
-def write_report(system: System, processor: Mapping[str, float] | None = None) -> Mapping[str, Any]:
+def write_report(
+    system: System, processor: Mapping[str, float] | None = None, computer: Computer = UNKNOWN
+) -> Mapping[str, Any]:
     """Write report.json, report.html and run.png; return the first. `processor`: see `usage.percent`."""
     from robot_offload_lab.judge import report  # noqa: PLC0415 - matplotlib would make every start a second longer
 
-    files = report.write(recording.read(system.recording), system.out, processor)
+    files = report.write(recording.read(system.recording), system.out, processor, computer)
     written: Mapping[str, Any] = json.loads(files.json.read_text(encoding="utf-8"))
     return written
 
@@ -304,6 +309,8 @@ class Demo:
         self._wire: EmulatedWire | None = None
         self.processor: dict[str, float] = {}
         """Share of one core that each program used from the start of the schedule to the end, percent."""
+        self.busy_share: float | None = None
+        """Share of all cores that was in use in that time, 0..1."""
 
     def go(self, duration_s: float | None, longest_s: float) -> str:
         """Start, watch and end; return what went wrong on the way, empty when nothing did."""
@@ -315,7 +322,8 @@ class Demo:
             self._begin()
             before = usage.read(self._programs.pids)
             trouble = self._drive(duration_s, longest_s)
-            self.processor = usage.percent(before, usage.read(self._programs.pids))
+            after = usage.read(self._programs.pids)
+            self.processor, self.busy_share = usage.percent(before, after), usage.busy_share(before, after)
             # The recorder hears that the run is over before anything else ends.
             self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
             self._programs.processes.end(MCAP, RECORDER_GRACE_S)

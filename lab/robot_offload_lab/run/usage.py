@@ -18,10 +18,12 @@ class ProcessorTime:
     Attributes:
         t_s: when it was read, steady clock.
         used_s: seconds of one core, by program.
+        idle_s: seconds in which a core of the machine had nothing to do, of all cores together.
     """
 
     t_s: float
     used_s: Mapping[str, float]
+    idle_s: float
 
 
 def read(pids: Mapping[str, int]) -> ProcessorTime:
@@ -32,7 +34,7 @@ def read(pids: Mapping[str, int]) -> ProcessorTime:
             program = psutil.Process(pid)
             family = (program, *program.children(recursive=True))
             used_s[name] = sum(sum(member.cpu_times()[:2]) for member in family)
-    return ProcessorTime(steady_s(), used_s)
+    return ProcessorTime(steady_s(), used_s, psutil.cpu_times().idle)
 
 
 def percent(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
@@ -40,3 +42,9 @@ def percent(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
     elapsed_s = max(after.t_s - before.t_s, 1e-3)
     both = before.used_s.keys() & after.used_s.keys()
     return {name: round(100.0 * (after.used_s[name] - before.used_s[name]) / elapsed_s, 1) for name in sorted(both)}
+
+
+def busy_share(before: ProcessorTime, after: ProcessorTime) -> float:
+    """Return the share of all cores that was in use between two readings, by whatever program, 0..1."""
+    elapsed_s = max(after.t_s - before.t_s, 1e-3) * (psutil.cpu_count() or 1)
+    return min(1.0, max(0.0, 1.0 - (after.idle_s - before.idle_s) / elapsed_s))
