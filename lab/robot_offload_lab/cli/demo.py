@@ -17,6 +17,7 @@ from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
 from robot_offload_lab.cli.pages import ConsolePages
 from robot_offload_lab.judge import recording
+from robot_offload_lab.run import realtime as priorities
 from robot_offload_lab.run import routed
 from robot_offload_lab.run.demo import LONGEST_S, DemoOptions, DemoResult, run
 from robot_offload_lab.run.free import parse_domains
@@ -126,7 +127,12 @@ Compared = Annotated[
 Picture = Annotated[bool, typer.Option("--ui/--no-ui", help="Show a live picture, or print one line per event.")]
 Pages = Annotated[bool, typer.Option("--console", help="Show the run in the browser as well, until Ctrl-C.")]
 Port = Annotated[int, _option("port", "PORT", "Port of --console on 127.0.0.1. Default: a free one.")]
-Realtime = Annotated[bool, typer.Option("--realtime", help="Run everything under real-time priority, where permitted.")]
+Realtime = Annotated[
+    bool | None,
+    typer.Option(
+        "--realtime/--normal", help="Priority of agents and nodes. Default: real-time where that is permitted."
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print report.json on standard output at the end.")]
 
 
@@ -151,7 +157,7 @@ def demo(
     ui: Picture = True,
     console: Pages = False,
     port: Port = 0,
-    realtime: Realtime = False,
+    realtime: Realtime = None,
     as_json: AsJson = False,
 ) -> None:
     """Run both sides on this machine while the link between them fails, and report what the consumers felt.
@@ -175,7 +181,7 @@ def demo(
         ),
         seed=seed,
         out=out,
-        realtime=realtime,
+        realtime=priorities.is_permitted() if realtime is None else realtime,
         transport=_transport(link),
         domains=parse_domains(domains),
     )

@@ -11,7 +11,7 @@ from robot_offload_lab.judge.invariants import OFFLOAD
 def untried(report: Mapping[str, Any]) -> Iterator[str]:
     """Yield a sentence for each promise of which a run without a violation shows nothing."""
     if report["busy"]:
-        yield f"{report['busy']}; {_excused(report['excused'])}. Close other programs, or use a faster one"
+        yield f"{report['busy']}; {_excused(report['excused'])}. Close other programs, or run it on a faster one"
     for topic, output in report["outputs"].items():
         if output["received"] and output["lost"] is None:
             yield f"{topic}: duplicates, losses and age are not known; its messages carry no number of ours"

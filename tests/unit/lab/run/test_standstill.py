@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 import time
 
 from robot_offload_lab.run.standstill import STEP_S, Standstill
+
+LOOKED_S = 3.0
+"""Until the process looks for sure; it starts in a tenth of that."""
 
 
 class Clocks:
@@ -40,7 +44,21 @@ def test_a_suspended_machine_is_told_from_a_busy_one_by_its_two_clocks() -> None
     assert text.startswith("This machine stood still once, for up to 5100 ms (5.0 s of it suspended)")
 
 
-def test_the_thread_ends_with_its_context() -> None:
-    with Standstill() as watch:
-        time.sleep(3 * STEP_S)
-    assert not watch._thread.is_alive()
+def test_a_process_that_stood_still_is_noticed_by_the_one_that_looks() -> None:
+    with Standstill() as machine:
+        assert machine._process is not None
+        time.sleep(LOOKED_S)
+        machine._process.send_signal(signal.SIGSTOP)
+        time.sleep(0.4)
+        machine._process.send_signal(signal.SIGCONT)
+        time.sleep(0.1)
+    assert machine._process.poll() == 0
+    assert max(machine.lengths_s) >= 0.3
+    assert "This machine stood still" in machine.sentence()
+
+
+def test_a_process_that_was_killed_says_nothing() -> None:
+    with Standstill() as machine:
+        assert machine._process is not None
+        machine._process.kill()
+    assert machine.sentence() == ""
