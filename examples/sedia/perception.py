@@ -17,6 +17,8 @@ KEPT_S = 8.0
 FAR_M = 3.0
 BEAMS = 30
 HEIGHTS_M = (0.1, 0.6)
+SIDE = 128
+"""Of the detector's pictures and matrices; 256 took a third of a core of a slow computer that carries both sides."""
 
 
 class PointcloudToLaserscan(Managed):
@@ -107,7 +109,7 @@ class Detector(Managed):
 
     def __init__(self) -> None:
         super().__init__("detector")
-        self._layers = np.random.default_rng(1).standard_normal((self.declare_parameter("layers", 4).value, 256, 256))
+        self._layers = np.random.default_rng(1).standard_normal((self.declare_parameter("layers", 4).value, SIDE, SIDE))
         self._number = 0
         self._detections = self.create_publisher(String, "detections", 10)
         self.create_subscription(CompressedImage, "camera/image/compressed", self._look, NEWEST)
@@ -116,9 +118,9 @@ class Detector(Managed):
         if not self.acting:
             return
         began_s = time.monotonic()
-        seen = np.resize(np.frombuffer(bytes(image.data), dtype=np.uint8), (256, 256)).astype(np.float64)
+        seen = np.resize(np.frombuffer(bytes(image.data), dtype=np.uint8), (SIDE, SIDE)).astype(np.float64)
         for layer in self._layers:
-            seen = np.tanh(layer @ seen / 256.0)
+            seen = np.tanh(layer @ seen / SIDE)
         self._number += 1
         said = {"people": int(seen.sum() > 0), "took_ms": round((time.monotonic() - began_s) * 1e3, 1)}
         self._detections.publish(String(data=json.dumps({"number": self._number, **said})))
