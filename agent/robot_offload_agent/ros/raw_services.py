@@ -99,6 +99,7 @@ class Loop:
         self.guard = node.create_guard_condition(lambda: None)
         self.services: list[RawService] = []
         self.clients: list[RawClient] = []
+        self.waits: tuple[tuple[Any, ...], Any] = ((), None)
 
     def wake(self) -> None:
         """End the present wait; any thread may call."""
@@ -118,11 +119,12 @@ class Loop:
 
     def wait(self, wait_s: float, guarded: Callable[[Callable[[], None]], None]) -> None:
         """Wait, and hand on what arrived."""
-        subscriptions = list(self.node.subscriptions)
-        services, clients = list(self.services), list(self.clients)
-        wait_set = rclpy_native.WaitSet(
-            len(subscriptions), 1, 0, len(clients), len(services), 0, self.node.context.handle
-        )
+        subscriptions, services, clients = tuple(self.node.subscriptions), tuple(self.services), tuple(self.clients)
+        if self.waits[0] != (subscriptions, services, clients):
+            size = len(subscriptions), 1, 0, len(clients), len(services), 0
+            self.waits = (subscriptions, services, clients), rclpy_native.WaitSet(*size, self.node.context.handle)
+        wait_set = self.waits[1]
+        wait_set.clear_entities()  # a wait leaves only those in it that are ready
         wait_set.add_guard_condition(self.guard.handle)
         for subscription in subscriptions:
             wait_set.add_subscription(subscription.handle)

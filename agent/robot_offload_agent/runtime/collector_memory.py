@@ -61,7 +61,7 @@ class HolderView:
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE_NAME
         self.map: mmap.mmap | None = None
-        self.last = NOBODY
+        self.seen, self.last = b"", NOBODY
 
     def look(self) -> Holding:
         """Return who holds now; while nothing whole is there what was read last holds."""
@@ -72,9 +72,12 @@ class HolderView:
             except (OSError, ValueError):  # not there, or not allocated yet
                 return self.last
         for _ in range(READS):
-            found = memory.read(self.map[:])
+            seen = self.map[:]
+            if seen == self.seen:  # the usual case: it was whole when it was read before
+                break
+            found = memory.read(seen)
             if found is not None:
                 site = Site.ROBOT if found.fell_back else found.charge.site
-                self.last = Holding(site, found.stay, found.charge.token)
+                self.seen, self.last = seen, Holding(site, found.stay, found.charge.token)
                 break
         return self.last

@@ -68,6 +68,7 @@ class CloudRelay(RelayProcess):
             a cancel of all goals has settled that, from inherited_s on. sweeping: until when such a cancel may act.
         calls: at servers here. used: calls and goals of the replicas here at used names.
         pools: shares the calls at nodes with several pods.
+        dirty: something but feedback came since the last turn. turn_due_s: when else there is something to do.
     """
 
     def __init__(self, plan: RelayPlan, ports: CloudRelayPorts, incarnation: str) -> None:
@@ -84,7 +85,8 @@ class CloudRelay(RelayProcess):
         self.number = 0
         self.counters: Counter[str] = Counter()
         self.status: RelayStatus | None = None
-        self.status_due_s = ports.now_s()
+        self.status_due_s = self.turn_due_s = ports.now_s()
+        self.dirty = True
         self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
         self._actions = {spec.name for spec in plan.actions}
         served: tuple[ServiceSpec | ActionSpec, ...] = (*plan.services, *plan.actions)
@@ -142,14 +144,14 @@ class CloudRelay(RelayProcess):
     @property
     def due_s(self) -> float:
         """Return when `turn` has something to do."""
-        runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
-        inherited = [self._inherited_until_s(action) for action in self.inherited & self.own.seen.keys()]
-        parts = (part.due_s() for part in (self.post, self.own, self.used, self.pools))
-        return min([self.status_due_s, *parts, *runs, *inherited])
+        return float("-inf") if self.dirty else self.turn_due_s
 
     def turn(self) -> None:
-        """Do what is due."""
+        """Do what is due; feedback alone makes nothing due."""
         now_s = self.ports.now_s()
+        if now_s < self.due_s:
+            return
+        self.dirty = False
         self._cancel_orphans(now_s)
         self._cancel_inherited(now_s)
         self.own.turn()
@@ -157,9 +159,14 @@ class CloudRelay(RelayProcess):
         self.pools.turn()
         self.post.turn(self._hello())
         self._report(now_s)
+        runs = [self._runs_until_s(run) for run in self.own.runs.values() if not run.cancel]
+        inherited = [self._inherited_until_s(action) for action in self.inherited & self.own.seen.keys()]
+        parts = (part.due_s() for part in (self.post, self.own, self.used, self.pools))
+        self.turn_due_s = min([self.status_due_s, *parts, *runs, *inherited])
 
     def handle(self, message: object) -> None:
         """Take control's level and the robot relay's words."""
+        self.dirty = True
         if isinstance(message, Egress):
             self.take_egress(message)
         elif isinstance(message, Letters):
@@ -174,6 +181,7 @@ class CloudRelay(RelayProcess):
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
         """Take the servers in the graph."""
+        self.dirty = True
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
         self.services = {n: endpoints for n, endpoints in seen.items() if n not in self.pools.services}
         actions = {spec.name for spec in self.plan.actions}
@@ -253,10 +261,12 @@ class CloudRelay(RelayProcess):
 
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
         """Take the answer to an offer."""
+        self.dirty = True
         self.own.offer_answered(goal_id, accepted)
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
         """Take the answer to a cancel."""
+        self.dirty = True
         if goal_id == ALL_GOALS:
             self.sweeping.pop(name, None)
         else:
@@ -264,6 +274,7 @@ class CloudRelay(RelayProcess):
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
         """Take a result, and whether this side was still allowed to act."""
+        self.dirty = True
         run = self.own.runs.get(goal_id)
         leased = run is not None and (self.admits(run.token) or self.admits_present(run.token))
         if len(payload) > MAX_PAYLOAD:
@@ -280,6 +291,7 @@ class CloudRelay(RelayProcess):
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
         """Take an answer and pass it on to the relay that asked."""
+        self.dirty = True
         self.pools.answered(key)
         pending = self.calls.pop(key, None)
         if pending is None or pending.peer != self.post.courier.peer:
@@ -299,18 +311,22 @@ class CloudRelay(RelayProcess):
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Take a replica's call at a used name."""
+        self.dirty = True
         self.used.called(name, caller, payload)
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Take a replica's goal at a used action."""
+        self.dirty = True
         self.used.goal_requested(name, caller, payload)
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
         """Take a replica's cancel."""
+        self.dirty = True
         self.used.cancel_requested(CancelRequested(name, caller, goal_id, stamp_ns))
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
         """Take a replica's question for a result."""
+        self.dirty = True
         self.used.near.ask_result(name, caller, goal_id)
 
     # -- levels -------------------------------------------------------------------------------------------------------

@@ -44,7 +44,8 @@ class RobotRelay(RelayProcess):
     Attributes:
         ledger: of goals. requests: of services.
         own: attempts at the robot's replica. orders: of control.
-        dirty: the status may have changed and is to be looked at.
+        dirty: something but feedback came or changed since the last turn, so that there is something to look at.
+        turn_due_s: when else.
         fed: newest feedback of each attempt that passed.
     """
 
@@ -65,7 +66,7 @@ class RobotRelay(RelayProcess):
         self.status: RelayStatus | None = None
         self.status_due_s = self.look_due_s = ports.now_s()
         self.queue: deque[Event] = deque()
-        self.running = self.dirty = False
+        self.running, self.dirty, self.turn_due_s = False, False, ports.now_s()
         self._of = {s.name: s.node for s in plan.services} | {a.name: a.node for a in plan.actions}
         holding = ports.holder()
         self.ledger = machine.start(
@@ -189,20 +190,22 @@ class RobotRelay(RelayProcess):
     @property
     def due_s(self) -> float:
         """Return when `turn` has something to do."""
-        if self.dirty:
-            return float("-inf")
-        parts = (self.post, self.own, self.requests, self.used)
-        return min(self.status_due_s, self.look_due_s, *(part.due_s() for part in parts))
+        return float("-inf") if self.dirty else self.turn_due_s
 
     def turn(self) -> None:
-        """Do what is due."""
+        """Do what is due; feedback alone makes nothing due."""
         now_s = self.ports.now_s()
-        self.dirty = False
+        if now_s < self.due_s:
+            return
+        dirty, self.dirty = self.dirty, False
         self.own.turn()
         self.used.out.turn()
         self._look(now_s)
         self.post.turn(self._hello())
-        self._report(now_s)
+        if dirty or self.dirty or now_s >= self.status_due_s:
+            self._report(now_s)
+        parts = (self.post, self.own, self.requests, self.used)
+        self.turn_due_s = min(self.status_due_s, self.look_due_s, *(part.due_s() for part in parts))
 
     def _look(self, now_s: float) -> None:
         """Look at the holder and at deadlines: often while anything is open."""
@@ -217,12 +220,14 @@ class RobotRelay(RelayProcess):
     def handle(self, message: object) -> None:
         """Take control's orders and the cloud relay's words."""
         if isinstance(message, RelayOrders):
+            self.dirty = True
             self.orders = self.requests.orders = self.used.orders = message
             self.post.agent = message.cloud
             self._see()
             self._look(self.ports.now_s())
         elif isinstance(message, Letters):
             word, met = self.post.take(message.data)
+            self.dirty |= not isinstance(word, FeedbackWord)
             if met:
                 self.counters["relay.met"] += 1
                 self.requests.desk.lost(Site.CLOUD)
@@ -235,7 +240,7 @@ class RobotRelay(RelayProcess):
 
     def servers_seen(self, servers: Iterable[tuple[Face, str, str]]) -> None:
         """Take the servers in the graph."""
-        servers = list(servers)
+        self.dirty, servers = True, list(servers)
         self.used.servers_seen(servers)
         seen = {name: endpoints for face, name, endpoints in servers if face is Face.GROUP}
         before, self.services = self.services, seen
@@ -294,14 +299,17 @@ class RobotRelay(RelayProcess):
 
     def offer_answered(self, face: Face, name: str, goal_id: bytes, accepted: bool) -> None:
         """Take the answer to an offer."""
+        self.dirty = True
         self._at(face).offer_answered(goal_id, accepted)
 
     def cancel_answered(self, face: Face, name: str, goal_id: bytes, code: CancelCode) -> None:
         """Take the answer to a cancel."""
+        self.dirty = True
         self._at(face).cancel_answered(goal_id, code)
 
     def result_arrived(self, face: Face, name: str, goal_id: bytes, status: GoalStatus, payload: bytes) -> None:
         """Take a result."""
+        self.dirty = True
         if len(payload) > MAX_PAYLOAD:
             self.counters[f"{name}.too_large"] += 1
             payload = b""
@@ -319,6 +327,7 @@ class RobotRelay(RelayProcess):
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
         """Take the answer of a served service, or of a used one (their keys are negative)."""
+        self.dirty = True
         (self.requests if key > 0 else self.used).answered(key, payload, success)
 
     def _at(self, face: Face) -> Executor:
@@ -328,7 +337,7 @@ class RobotRelay(RelayProcess):
 
     def goal_requested(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Take a goal: of a client at a served action, or of the robot's group at a used one."""
-        goal_id = goal_id_of(payload)
+        self.dirty, goal_id = True, goal_id_of(payload)
         if face is Face.GROUP:
             self.used.goal_requested(name, caller, payload)
         elif goal_id is None or len(payload) > MAX_PAYLOAD:
@@ -339,6 +348,7 @@ class RobotRelay(RelayProcess):
 
     def cancel_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes, stamp_ns: int) -> None:
         """Take a client's cancel."""
+        self.dirty = True
         asked = state.CancelRequested(name, caller, goal_id, stamp_ns)
         if face is Face.GROUP:
             self.used.cancel_requested(asked)
@@ -347,6 +357,7 @@ class RobotRelay(RelayProcess):
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
         """Take a client's question for a result."""
+        self.dirty = True
         if face is Face.GROUP:
             self.used.near.ask_result(name, caller, goal_id)
         else:
@@ -354,6 +365,7 @@ class RobotRelay(RelayProcess):
 
     def called(self, face: Face, name: str, caller: bytes, payload: bytes) -> None:
         """Take a call: of a client at a served service, or of the robot's group at a used one."""
+        self.dirty = True
         (self.used if face is Face.GROUP else self.requests).called(name, caller, payload)
 
     # -- levels -------------------------------------------------------------------------------------------------------
