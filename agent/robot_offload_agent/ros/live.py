@@ -6,6 +6,7 @@ listens; the others at changes.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from rcl_interfaces.msg import Log
@@ -23,6 +24,8 @@ NOTES: Final = "/offload/notes"
 ROUND_TRIP: Final = "/offload/round_trip_ms"
 NUMBERS: Final = {Site.ROBOT: 0, Site.CLOUD: 1}
 NOBODY: Final = -1
+SHOWN_S: Final = 0.1
+"""How often a round trip is published."""
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SAMPLES = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -39,7 +42,7 @@ class Live:
         self._round_trip = node.create_publisher(Float64, ROUND_TRIP, SAMPLES)
         self._said: tuple[Site, str] | None = None
         self._gate: int | None = None
-        self._echo_sent_s: float | None = None
+        self._echo_sent_s = -math.inf
 
     def decided(self, site: Site, reason: str) -> None:
         """Publish who is in charge (0: the robot, 1: the cloud) and the word for why, when that has changed."""
@@ -63,9 +66,10 @@ class Live:
         self._notes.publish(line)
 
     def measured(self, link: Link) -> None:
-        """Publish the round trip of the newest echo, once, while somebody listens."""
-        if link.echo_sent_s == self._echo_sent_s or link.round_trip_s is None:
+        """Publish the round trip of the newest echo, ten a second at most, while somebody listens."""
+        sent_s = link.echo_sent_s
+        if sent_s is None or sent_s - self._echo_sent_s < SHOWN_S or link.round_trip_s is None:
             return
-        self._echo_sent_s = link.echo_sent_s
+        self._echo_sent_s = sent_s
         if self._round_trip.get_subscription_count():
             self._round_trip.publish(Float64(data=link.round_trip_s * 1e3))

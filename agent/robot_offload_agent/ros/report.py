@@ -37,6 +37,8 @@ BEAT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 Problem = tuple[str, str]
 LISTENED_S = 0.5
 """How often it is looked whether anybody listens to the beats."""
+SHOWN_S = 0.1
+"""How often a beat is shown to those who listen: each costs as much as a decision."""
 
 
 def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
@@ -77,7 +79,7 @@ class Report:
         # On DDS transports the beats themselves travel on these topics; otherwise what is heard is mirrored.
         heard = "/connectivity_test_remote" if self.side is Site.ROBOT else "/connectivity_test_local"
         self.mirror = None
-        self.is_listened_to, self.listened_due_s = False, 0.0
+        self.is_listened_to, self.listened_due_s, self.shown_due_s = False, 0.0, 0.0
         if configuration["link.type"] == "zenoh":
             self.mirror = self.monitor.create_lifecycle_publisher(Header, heard, BEAT_QOS)
         for node in (self.monitor, self.switcher, self.guardian):
@@ -207,11 +209,13 @@ class Report:
         self.availability.publish(array)
 
     def mirror_beat(self, text: str, beat: Beat) -> None:
-        """Publish what was heard, for people and other monitors."""
-        if self.mirror is None:
+        """Publish what was heard, for people and other monitors: ten a second."""
+        now = now_s()
+        if self.mirror is None or now < self.shown_due_s:
             return
-        if now_s() >= self.listened_due_s:
-            self.listened_due_s = now_s() + LISTENED_S
+        self.shown_due_s = now + SHOWN_S
+        if now >= self.listened_due_s:
+            self.listened_due_s = now + LISTENED_S
             self.is_listened_to = self.mirror.get_subscription_count() > 0
         if not self.is_listened_to:
             return
