@@ -42,10 +42,14 @@ class Outcome:
 
     Attributes:
         simulated_s, faults, events: how much was lived through.
-        commanded, sudden: changeovers. passed_robot, passed_cloud: messages passed.
-        worlds: of the stretch. goals_s: how much of it had goals and calls. state_s: and state.
+        commanded, sudden: changeovers.
+        passed_robot, passed_cloud: messages passed.
+        worlds: of the stretch.
+        goals_s: how much of it had goals and calls.
+        state_s: and state.
         replayed: steps that the replay of the black boxes came to, each with the decisions that were written.
-        pairs: coverage. violation: the text of the first violation, with the story that led to it.
+        pairs: coverage.
+        violation: the text of the first violation, with the story that led to it.
     """
 
     simulated_s: float = 0.0

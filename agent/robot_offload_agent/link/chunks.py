@@ -40,7 +40,8 @@ class Window:
     """How many chunks may be on their way: as many as the link carries without a queue that others would wait in.
 
     Attributes:
-        size: chunks. least_s: shortest time that a chunk of the present message took; 0: not known.
+        size: chunks.
+        least_s: shortest time that a chunk of the present message took; 0: not known.
         shrunk_s: when the window last became smaller; None: it is still found out what the link carries.
     """
 
@@ -67,9 +68,12 @@ class Outgoing:
     """A large message on its way out.
 
     Attributes:
-        number: of the message. header, payload: its content.
-        pending: chunks that are still to be sent. waiting: when each that is not acknowledged was sent, oldest first.
-        heard_s: when it began, or was last acknowledged. repeated_s: when all were last sent again.
+        number: of the message.
+        header, payload: its content.
+        pending: chunks that are still to be sent.
+        waiting: when each that is not acknowledged was sent, oldest first.
+        heard_s: when it began, or was last acknowledged.
+        repeated_s: when all were last sent again.
     """
 
     number: int
@@ -97,8 +101,10 @@ class ChunkSender:
 
     Attributes:
         number: of the newest message; begins anywhere, so that a successor's are others.
-        window: of the channel. present: on its way.
-        refused: a message was refused since the channel was free. given_up: messages that nobody acknowledged.
+        window: of the channel.
+        present: on its way.
+        refused: a message was refused since the channel was free.
+        given_up: messages that nobody acknowledged.
     """
 
     number: int
@@ -166,7 +172,8 @@ class Assembly:
     """Puts the chunks of a channel together: of the newest message, and of one before that comes by another session.
 
     Attributes:
-        parts: of messages that are not whole, by number and index. whole: numbers of the newest ones that are.
+        parts: of messages that are not whole, by number and index.
+        whole: numbers of the newest ones that are.
     """
 
     parts: dict[int, dict[int, bytes]] = field(default_factory=dict)

@@ -43,7 +43,8 @@ class AuditTrail:
     """See the module; also a witness of the placement machine (`robot_offload_core.words.events.Witness`).
 
     Attributes:
-        head: the newest entry on the disk. missed: entries that found no room.
+        head: the newest entry on the disk.
+        missed: entries that found no room.
         problem: why nothing is written now; "" while all is well.
     """
 

@@ -147,7 +147,8 @@ class RawSubscription:
     Attributes:
         topic: what is subscribed.
         spec: the output or input that it belongs to.
-        type_name: declared, or found in the graph. type_hash: of the publishers' type, "" where it is not known.
+        type_name: declared, or found in the graph.
+        type_hash: of the publishers' type, "" where it is not known.
         problem: (reason, message) for diagnostics while something is wrong.
     """
 

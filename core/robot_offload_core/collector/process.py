@@ -99,7 +99,8 @@ class CollectorPlan:
     """What the configuration says of the collector.
 
     Attributes:
-        outputs: the collected outputs; mirrored: whether consumers in the cloud get what passes, per output.
+        outputs: the collected outputs.
+        mirrored: whether consumers in the cloud get what passes, per output.
         max_age_s, lease_s, loss_timeout_s, activation_s: see `collectors.Collector`.
     """
 
@@ -115,14 +116,18 @@ class CollectorProcess:
     """The collector and what surrounds its machine: held messages, the mirror, pauses, reports.
 
     Attributes:
-        state: of the machine. held: newest message per output of the side that gets ready. standby: newest one of
-            each Hot replica on the robot. passed_s: when each rated output last passed.
+        state: of the machine.
+        held: newest message per output of the side that gets ready.
+        standby: newest one of each Hot replica on the robot.
+        passed_s: when each rated output last passed.
         sequence: of the robot's messages; grows over restarts of this process.
-        problems: by key, for diagnostics. counters: per output, side and reason.
+        problems: by key, for diagnostics.
+        counters: per output, side and reason.
         cloud_types: of the outputs, as the cloud says.
         strangers: nodes outside the group that publish a shared output, by its index.
         latched_others: what they said last on a shared output that is latched.
-        ages: of the newest message of the cloud, by output. silence: around the last change of side.
+        ages: of the newest message of the cloud, by output.
+        silence: around the last change of side.
     """
 
     def __init__(

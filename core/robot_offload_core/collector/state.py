@@ -45,7 +45,8 @@ class Collector:
         flipped_s: when the last changeover took place.
         acts_s: since when the side that passes now has passed, under whatever epochs.
         prompt: see Gate.
-        turned_s: the last turn of this process. judged_from_s: silence is not reported before, see `turn`.
+        turned_s: the last turn of this process.
+        judged_from_s: silence is not reported before, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
         loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
         activation_s: by when an output speaks whose `while` became true.

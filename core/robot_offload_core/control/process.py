@@ -52,10 +52,11 @@ class ControlProcess(ABC):
     """Base of both sides.
 
     Attributes:
-        guardian: state of its machine. told_ready: the readiness of this side's nodes that was taken into account,
-            told_asleep: with these outputs' nodes asleep.
-        occasions: outputs, by index, whose `while.topic` arrives here. executing: actions that the relay says this side
-            executes, at relay_s.
+        guardian: state of its machine.
+        told_ready: the readiness of this side's nodes that was taken into account, told_asleep: with these outputs'
+            nodes asleep.
+        occasions: outputs, by index, whose `while.topic` arrives here.
+        executing: actions that the relay says this side executes, at relay_s.
         witness: sees every step of the machines; None: nobody does.
     """
 

@@ -17,10 +17,12 @@ class LinkTally:
     """What a control process has seen of its link and of its changes since its start.
 
     Attributes:
-        latency: counts by LATENCY_MS. latency_sum_ms: of all round trips.
+        latency: counts by LATENCY_MS.
+        latency_sum_ms: of all round trips.
         received, lost: beats of the other side.
         changeovers: by (side that took over, reason).
-        losses: sudden losses of the cloud. false_alarms: those after which a beat came within another `lossTimeout`.
+        losses: sudden losses of the cloud.
+        false_alarms: those after which a beat came within another `lossTimeout`.
         silence_ms: without a good beat before the robot took over, all together.
     """
 

@@ -38,7 +38,8 @@ class Kept:
         payload: the message.
         robot, echo_us: the newest beat that had been heard when it was published, and whose: its age counts from there.
             One that waited for us was published before the newest beat: the echo is older by as much.
-        token, header: under which it left; None, b"": it has not. said: consumers here have heard it.
+        token, header: under which it left; None, b"": it has not.
+        said: consumers here have heard it.
     """
 
     payload: Any
@@ -70,12 +71,15 @@ class CloudDataProcess(DataProcess):
 
     Attributes:
         egress: what may leave, from control.
-        sequence: newest of each output under its present token. first_result: of results, larger in each life.
+        sequence: newest of each output under its present token.
+        first_result: of results, larger in each life.
         newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
         accepted: arrival of the newest message of each input, and the bound of its age then.
         spoke_s: when a replica last published each output, whether or not it could leave.
-        mirror: gate in front of the consumers in the cloud. kept: the newest message of each output.
-        wanted: hash that the robot holds of each latched input. known_types: of inputs, as the robot says now.
+        mirror: gate in front of the consumers in the cloud.
+        kept: the newest message of each output.
+        wanted: hash that the robot holds of each latched input.
+        known_types: of inputs, as the robot says now.
     """
 
     def __init__(self, plan: DataPlan, ports: CloudDataPorts) -> None:

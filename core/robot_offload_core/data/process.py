@@ -81,10 +81,13 @@ class InputPlan:
     """An input as the data processes need it.
 
     Attributes:
-        name: of the input. max_age_ms: oldest message that the replicas get; 0: any, and the input is not required.
-        rate_hz: most messages a second to the cloud; 0: all. latched: last values are kept and exchanged.
+        name: of the input.
+        max_age_ms: oldest message that the replicas get; 0: any, and the input is not required.
+        rate_hz: most messages a second to the cloud; 0: all.
+        latched: last values are kept and exchanged.
         min_rate_hz: on a link that carries no more it is thinned to this rate at most; 0: never.
-        priority: what goes first there. latest: the newest refused message is sent as soon as there is room.
+        priority: what goes first there.
+        latest: the newest refused message is sent as soon as there is room.
         topic: as people know it; "": the name.
     """
 
@@ -103,7 +106,8 @@ class OutputPlan:
     """An output as the data processes need it.
 
     Attributes:
-        name: of the output. deadline_s: silence of a rated output that means a fault; 0: not rated.
+        name: of the output.
+        deadline_s: silence of a rated output that means a fault; 0: not rated.
         mirrored: it has consumers in the cloud.
         of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
         spec: as the collector knows it; None where nothing but the above matters.
@@ -126,7 +130,8 @@ class DataPlan:
     """What the configuration says of data.
 
     Attributes:
-        inputs, outputs: declared ones. max_message_size: bytes; a larger message does not cross.
+        inputs, outputs: declared ones.
+        max_message_size: bytes; a larger message does not cross.
         carried: the agents carry inputs and mirrored outputs (Zenoh).
     """
 
@@ -146,14 +151,18 @@ class DataProcess(ABC):
 
     Attributes:
         heard: the newest beat of the partner, for echo references.
-        probe: the newest whole probe of the other side. probe_s: when the other side was last heard.
-        acknowledged: digest of our newest whole probe that the other side has got. whole_due_s: when to send it again.
+        probe: the newest whole probe of the other side.
+        probe_s: when the other side was last heard.
+        acknowledged: digest of our newest whole probe that the other side has got.
+        whole_due_s: when to send it again.
         latched: last values of each latched input that this side holds, and of what others say on shared outputs.
         shared: names of the latter.
         notes: of our control, for the other side.
         lacks: why this side does not know a state of the one that acts, by name.
         before_active: names of the states that a node takes when it becomes Active.
-        came_s: when a message of each input last came. problems: by key, for diagnostics. counters: by name.
+        came_s: when a message of each input last came.
+        problems: by key, for diagnostics.
+        counters: by name.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:

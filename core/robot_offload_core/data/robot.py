@@ -39,7 +39,8 @@ class RobotDataProcess(DataProcess):
     """See the module.
 
     Attributes:
-        sequence, sent_s: of each input. least_s: least distance of two messages of it.
+        sequence, sent_s: of each input.
+        least_s: least distance of two messages of it.
         waiting: newest refused message of each input with `latest`: since when, its header, its payload.
         hurries: control must know at once which outputs are to speak (`while`).
         told: what the last report to control said, without what changes all the time.

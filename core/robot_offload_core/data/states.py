@@ -62,7 +62,8 @@ class _Kept:
     """The newest message of a topic, or newest parameters, of the acting side's node.
 
     Attributes:
-        payload: message. given: whether it was given in the present activation of the node here.
+        payload: message.
+        given: whether it was given in the present activation of the node here.
         refused: which parameters the node here did not take; "" for none.
     """
 
@@ -76,7 +77,8 @@ class _Reading:
     """How far the node here is with the snapshots that it is given.
 
     Attributes:
-        given: newest one that was published for the node. had: newest one that is known to have reached it.
+        given: newest one that was published for the node.
+        had: newest one that is known to have reached it.
         waits_s: since when nothing young has reached it, although something was published; None: it has.
     """
 
@@ -105,9 +107,10 @@ class StateProcess(ABC):
     Attributes:
         sequence: of what was sent last, growing over restarts of this process.
         said: newest of the node here, by name of the entry.
-        standing: what has come for the node here, by name of the entry. readings: what of it has reached the node.
-        kept: messages of topics, and parameters, that the node here has not outlived by its own. stood_by: at the last
-            look.
+        standing: what has come for the node here, by name of the entry.
+        readings: what of it has reached the node.
+        kept: messages of topics, and parameters, that the node here has not outlived by its own.
+        stood_by: at the last look.
     """
 
     def __init__(self, states: Mapping[str, StateSpec], ports: StatePorts, data: DataProcess) -> None:

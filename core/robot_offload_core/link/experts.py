@@ -134,14 +134,16 @@ class Outlook:
 
     Attributes:
         ticked_s: the last tick; None before the first beat was heard.
-        clouds: rules that are in the cloud. regrets: of each rule.
+        clouds: rules that are in the cloud.
+        regrets: of each rule.
         charges: what each rule has cost, melting.
         pending: (tick, rules in the cloud then) of the ticks whose truth is not known yet, oldest first.
         recent: the ticks whose truth is known, as far back as the longest memory: a bit each, 1 for a bad one, the
             newest last.
         leader: index of the rule that is followed.
         ticks: since the last review.
-        spells: see Spells. figures: see Figures.
+        spells: see Spells.
+        figures: see Figures.
     """
 
     ticked_s: float | None = None

@@ -51,7 +51,8 @@ class Pulse:
         incarnation: of our control process; "" until it has spoken.
         body: what control wants said.
         spoken_s: when control last spoke.
-        sequence: of the next beat. due_s: when it is due.
+        sequence: of the next beat.
+        due_s: when it is due.
         heard: newest beat per sender, most recent last.
     """
 

@@ -56,9 +56,12 @@ class Entry:
     """A line of a trail.
 
     Attributes:
-        head: its number and its digest. previous: the digest before it.
-        at: RFC 3339 time, by the robot's clock. kind: of what was done; a later release may have others.
-        who: where the word came from. what: details.
+        head: its number and its digest.
+        previous: the digest before it.
+        at: RFC 3339 time, by the robot's clock.
+        kind: of what was done; a later release may have others.
+        who: where the word came from.
+        what: details.
     """
 
     head: Head
@@ -115,10 +118,12 @@ class Verdict:
     """What became of a check.
 
     Attributes:
-        entries: how many lines are good, in one chain. first, last: its ends; `first` is 0 without a line.
+        entries: how many lines are good, in one chain.
+        first, last: its ends; `first` is 0 without a line.
         problems: sentences; empty: nothing was altered, as far as the lines themselves show.
         torn: the last line is not whole, as a loss of power leaves it.
-        others: how many lines another version of the agent wrote; they are not checked. other: format of the first.
+        others: how many lines another version of the agent wrote; they are not checked.
+        other: format of the first.
     """
 
     entries: int

@@ -216,7 +216,8 @@ class Replayed:
 
     Attributes:
         machine, now_s, event: as written.
-        before, after: states. decided: what the core decides now.
+        before, after: states.
+        decided: what the core decides now.
     """
 
     machine: Machine
@@ -232,7 +233,9 @@ class RuleBroken:
     """A step that breaks a rule of its machine when it is run again.
 
     Attributes:
-        machine, now_s, event: as written. before: the state. rule: in words.
+        machine, now_s, event: as written.
+        before: the state.
+        rule: in words.
     """
 
     machine: Machine
@@ -247,7 +250,8 @@ class Differs:
     """The core of now does not do what was written.
 
     Attributes:
-        machine, now_s: of the step. written, replayed: decisions, states at a key frame, or the rule that was broken.
+        machine, now_s: of the step.
+        written, replayed: decisions, states at a key frame, or the rule that was broken.
     """
 
     machine: Machine
@@ -286,7 +290,9 @@ class _Player:
     """One machine that is replayed.
 
     Attributes:
-        state: None until a key frame came. step: the newest step, and what it decided; written: what it decided then.
+        state: None until a key frame came.
+        step: the newest step, and what it decided.
+        written: what it decided then.
     """
 
     def __init__(self, machine: Machine) -> None:

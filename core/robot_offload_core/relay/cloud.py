@@ -64,11 +64,14 @@ class CloudRelay(RelayProcess):
         egress: what control says may leave, and until when.
         ends: end of the lease of each token that something was admitted under.
         newest: epoch of the newest word for the standby.
-        inherited: actions whose server may execute what a predecessor of this relay began, until the robot's relay or
-            a cancel of all goals has settled that, from inherited_s on. sweeping: until when such a cancel may act.
-        calls: at servers here. used: calls and goals of the replicas here at used names.
+        inherited: actions whose server may execute what a predecessor of this relay began, until the robot's relay or a
+            cancel of all goals has settled that, from inherited_s on.
+        sweeping: until when such a cancel may act.
+        calls: at servers here.
+        used: calls and goals of the replicas here at used names.
         pools: shares the calls at nodes with several pods.
-        dirty: something but feedback came since the last turn. turn_due_s: when else there is something to do.
+        dirty: something but feedback came since the last turn.
+        turn_due_s: when else there is something to do.
     """
 
     def __init__(self, plan: RelayPlan, ports: CloudRelayPorts, incarnation: str) -> None:

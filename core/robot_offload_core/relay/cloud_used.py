@@ -41,7 +41,9 @@ class CloudUsed:
     """See the module.
 
     Attributes:
-        calls: open ones. near: goals of the replicas here. tokens: under which each of them was sent.
+        calls: open ones.
+        near: goals of the replicas here.
+        tokens: under which each of them was sent.
     """
 
     def __init__(

@@ -30,7 +30,8 @@ class RelayPlan:
     """What the configuration says of the relay.
 
     Attributes:
-        services, actions: served by the group. used_services, used_actions: served outside the group.
+        services, actions: served by the group.
+        used_services, used_actions: served outside the group.
         prepare_deadline_s: an offer waits at most so long for the holder to be able.
         cancel_deadline_s: the old side's goals and requests have so long to end after a change of the holder.
         lease_s: longest that the cloud acts after its last grant.

@@ -42,8 +42,10 @@ class RobotRelay(RelayProcess):
     """See the module.
 
     Attributes:
-        ledger: of goals. requests: of services.
-        own: attempts at the robot's replica. orders: of control.
+        ledger: of goals.
+        requests: of services.
+        own: attempts at the robot's replica.
+        orders: of control.
         dirty: something but feedback came or changed since the last turn, so that there is something to look at.
         turn_due_s: when else.
         fed: newest feedback of each attempt that passed.

@@ -23,7 +23,8 @@ class RobotRequests:
 
     Attributes:
         desk: requests at served services.
-        calls: open calls of clients, caller -> service. orders: of control.
+        calls: open calls of clients, caller -> service.
+        orders: of control.
     """
 
     def __init__(

@@ -39,9 +39,11 @@ class RobotUsed:
     """See the module.
 
     Attributes:
-        calls: of both sides at services outside. goals: of both sides at actions outside.
+        calls: of both sides at services outside.
+        goals: of both sides at actions outside.
         near: goals of the robot's own nodes, as their clients see them.
-        out: the goals at the servers. orders: of control.
+        out: the goals at the servers.
+        orders: of control.
     """
 
     def __init__(

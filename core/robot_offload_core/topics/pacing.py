@@ -34,7 +34,8 @@ class Pace:
         priority: what goes first.
         least_s: present least distance; 0: as they come.
         usual_s: mean distance in which messages come; 0: not known.
-        came_s: when the newest came, None before the first. due_s: when the next one passes.
+        came_s: when the newest came, None before the first.
+        due_s: when the next one passes.
         changed_s: when `least_s` last changed, or a message was refused.
     """
 

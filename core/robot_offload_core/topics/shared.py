@@ -81,7 +81,8 @@ class Loop:
 
     Attributes:
         said, filled: our messages on the public topic and on the private one of this side.
-        heard_s: when the replica of this side last published each frame. period_s: the usual distance of two of them.
+        heard_s: when the replica of this side last published each frame.
+        period_s: the usual distance of two of them.
         strange: how many messages were no transforms although frames are declared.
         undeclared: frames that the replica published and nobody declared.
         taken_s: when somebody else last published each frame of the group on the public topic of this side.

@@ -81,7 +81,8 @@ class StateReported:
     """A data process reported which state its side lacks.
 
     Attributes:
-        site: whose. epoch: of the preparation that it is about; 0: none.
+        site: whose.
+        epoch: of the preparation that it is about; 0: none.
         lacking: why the side does not know the state of the one that acts.
         before_active: those of `lacking` that a node takes when it becomes Active, so it is to have them before.
     """

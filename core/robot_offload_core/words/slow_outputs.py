@@ -23,9 +23,11 @@ class SlowOutput:
     """What is known of one. Times on the robot's steady clock, seconds.
 
     Attributes:
-        index: of the output. deadline_s: see OutputSpec.
+        index: of the output.
+        deadline_s: see OutputSpec.
         seen_s: the last time that the collector knew a message of it that was younger than its deadline.
-        asleep: its node is not Active, or not seen. woken_s: from when the return of its node counts.
+        asleep: its node is not Active, or not seen.
+        woken_s: from when the return of its node counts.
     """
 
     index: int

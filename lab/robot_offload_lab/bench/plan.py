@@ -27,9 +27,12 @@ class Amounts:
         resources_s: length of the observation of processor time and memory, seconds.
         messages: of each of the ten publishers, at 10 Hz.
         rounds: of activating and deactivating.
-        detections: cuts in each case of detection. quiet_s: seconds without a cut before them.
-        mirror_cuts: cuts with goals that both sides execute. state_cuts: cuts with snapshots of each size.
-        hot_switches, hot_cuts: commanded ones and cuts between Hot sides. hot_minutes: of watching for false takeovers.
+        detections: cuts in each case of detection.
+        quiet_s: seconds without a cut before them.
+        mirror_cuts: cuts with goals that both sides execute.
+        state_cuts: cuts with snapshots of each size.
+        hot_switches, hot_cuts: commanded ones and cuts between Hot sides.
+        hot_minutes: of watching for false takeovers.
     """
 
     form: Form

@@ -47,14 +47,19 @@ class BenchCase:
         name: a word, for folders and tables.
         link: the emulated link.
         tolerance_ms: `switching.latency.tolerance`; it says up to which loop latency the link is good enough.
-        robot_rate_hz: of the node on the robot; cloud_rate_hz: in the cloud.
+        robot_rate_hz: of the node on the robot.
+        cloud_rate_hz: in the cloud.
         command_bytes: payloads of the output, which take turns.
-        sensors: what the cloud needs. sensor_rate_hz: their rate.
+        sensors: what the cloud needs.
+        sensor_rate_hz: their rate.
         switching: further settings of `spec.switching`.
         output: further settings of the output.
-        standby: of the robot's replica; cloud_standby: of the cloud's.
-        serves: the replica has an action and a service. mirrors: its goals go to the standby too.
-        state_bytes: size of the replica's snapshots; 0: it has none. state_rate_hz: how many it makes.
+        standby: of the robot's replica.
+        cloud_standby: of the cloud's.
+        serves: the replica has an action and a service.
+        mirrors: its goals go to the standby too.
+        state_bytes: size of the replica's snapshots; 0: it has none.
+        state_rate_hz: how many it makes.
     """
 
     name: str

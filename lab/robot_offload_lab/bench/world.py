@@ -90,7 +90,8 @@ class Evidence:
     """Everything that the observers have written of one world.
 
     Attributes:
-        recording: of the consumer on the robot; inputs: of the consumer in the cloud, None without one.
+        recording: of the consumer on the robot.
+        inputs: of the consumer in the cloud, None without one.
         robot, cloud: of the witnesses in the two domains.
         lease: of the observer of the lease.
         hops: of the datagrams of our own.

@@ -20,10 +20,12 @@ class DecidedMoment:
     """A decision of a replay, a rule that a step broke, or a difference from what was written.
 
     Attributes:
-        wall_s: system time of the robot, seconds. machine: which one decided.
-        event: the name of what it had taken in. name, decision: what it decided, as plain values; `RULE_BROKEN` and
-            the rule.
-        changed: field of the state -> (before, after). differs: what was written instead, None when it is the same.
+        wall_s: system time of the robot, seconds.
+        machine: which one decided.
+        event: the name of what it had taken in.
+        name, decision: what it decided, as plain values; `RULE_BROKEN` and the rule.
+        changed: field of the state -> (before, after).
+        differs: what was written instead, None when it is the same.
     """
 
     wall_s: float

@@ -112,7 +112,8 @@ class Drive:
     Attributes:
         t_s: when it was heard.
         inhibited: the driver holds the wheels.
-        stops: forced standstills; collisions: with walls and obstacles; both so far.
+        stops: forced standstills.
+        collisions: with walls and obstacles; both so far.
         obstacles: seen so far.
         walls: x and y of both ends of each, where there is more than a corridor.
     """

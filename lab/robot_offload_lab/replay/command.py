@@ -49,7 +49,9 @@ class Request:
     Attributes:
         recordings: to replay, or to search on.
         report_on: to report on after a search; none means that each recording in turn is left out of the search.
-        policy: name of the policy; compare: all of them. tune: search our figures.
+        policy: name of the policy.
+        compare: all of them.
+        tune: search our figures.
         weights: prices per second exposed, per second wasted, per switch.
         out: folder for results; None for none.
         as_json: the results as JSON on standard output.

@@ -49,7 +49,8 @@ class TuningReport:
     """One recording that was left out of the search.
 
     Attributes:
-        trace: its name; trained_on: the others.
+        trace: its name.
+        trained_on: the others.
         figures: the best ones on the others.
         tuned, present: cost on this recording with these figures, and with the present ones.
         rival, rival_cost: the best other rule here.

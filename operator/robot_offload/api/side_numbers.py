@@ -45,8 +45,10 @@ class SideNumbers:
         latency: round trips.
         changeovers: number by (side that took over, reason).
         losses, false_alarms, silence_s: sudden losses of the cloud, those that were none, time without a good beat.
-        gaps: time between two commands, by output. overdue_s: how long its commands were overdue, by output.
-        topics: messages by topic and what became of them. refused: messages of the cloud by reason.
+        gaps: time between two commands, by output.
+        overdue_s: how long its commands were overdue, by output.
+        topics: messages by topic and what became of them.
+        refused: messages of the cloud by reason.
         goals: by action and outcome.
         actions: by action: goals that a side executes now, goals that wait for one, restarts since the relay's start.
         services: calls that are not answered yet, by service.
@@ -54,7 +56,8 @@ class SideNumbers:
         processes: processor time in seconds, resident bytes and deaths by process.
         states: age of the state in seconds with which this side went on at its last change.
         garbage_reports: reports of the robot that were none (cloud only).
-        left_out: entries that had no room. garbage: parts here that could not be read.
+        left_out: entries that had no room.
+        garbage: parts here that could not be read.
     """
 
     ready: bool | None = None

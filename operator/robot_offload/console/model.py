@@ -85,7 +85,8 @@ class Track:
         key: which one.
         observed: as the API server has it; None: not yet, or there is none.
         bounds: the rule's numbers.
-        live: the newest word; heard_s: when it came, on the source's clock; None: never.
+        live: the newest word.
+        heard_s: when it came, on the source's clock; None: never.
         problem: why there are no live numbers; empty: there are.
         points, changeovers, moments: the past, oldest first.
         events: lines.

@@ -19,7 +19,8 @@ class Family:
         name: as Prometheus shows it, a counter without its `_total`.
         kind: gauge, counter or histogram.
         text: what one value means; the unit is in the name.
-        labels: their names. series: how many series of it one agent has at most.
+        labels: their names.
+        series: how many series of it one agent has at most.
     """
 
     name: str

@@ -126,7 +126,9 @@ class Faults:
     """Carries a plan out and knows whether anything is wrong now.
 
     Attributes:
-        active: faults at work. ended_s: true time when the last one ended. injected: how many so far, by kind.
+        active: faults at work.
+        ended_s: true time when the last one ended.
+        injected: how many so far, by kind.
     """
 
     def __init__(self, run: System, faults: tuple[Fault, ...], ambushes: Ambushes) -> None:

@@ -39,7 +39,8 @@ class Mutant:
     """A planted fault.
 
     Attributes:
-        meaning: what the edited core does wrong. story: the name of the story that finds it.
+        meaning: what the edited core does wrong.
+        story: the name of the story that finds it.
         edits: one, or several where other rules guard the same.
     """
 

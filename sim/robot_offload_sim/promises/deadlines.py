@@ -35,7 +35,8 @@ class Lane:
     """What the consumer of one output has seen.
 
     Attributes:
-        passed_s: true time of the latest message; rank: of its stay in charge.
+        passed_s: true time of the latest message.
+        rank: of its stay in charge.
         last: (producer, sequence) of the latest message of each side.
         life: of the collector at which the latest message passed.
     """

@@ -39,7 +39,8 @@ class Observer(Deadlines):
 
     Attributes:
         changeovers: how often the side in charge changed, by "commanded" and "sudden".
-        passed_messages: per side. alarms: sudden losses by reason.
+        passed_messages: per side.
+        alarms: sudden losses by reason.
     """
 
     def __init__(self, run: System, quiet_s: Callable[[], float], *, only_link: bool = False) -> None:

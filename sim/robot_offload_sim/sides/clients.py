@@ -30,7 +30,8 @@ class ClientGoal:
 
     Attributes:
         results: (status, payload) of each answer that was terminal.
-        cancel: a cancel of it was accepted. bare_s: since when no copy of it runs at the holder.
+        cancel: a cancel of it was accepted.
+        bare_s: since when no copy of it runs at the holder.
         fed: (stay, site, tick, attempt) of the feedback that passed.
     """
 
@@ -66,7 +67,8 @@ class Clients:
     """All clients, and the observer of what they were promised: invariants 6a to 6e, 7a and 9.
 
     Attributes:
-        goals, calls: by number. unnamed: since when a copy runs that nobody asked to end.
+        goals, calls: by number.
+        unnamed: since when a copy runs that nobody asked to end.
         used: effects at services outside, (site, service, true time).
         count: numbers of goals, calls and callers.
     """

@@ -17,7 +17,9 @@ class Handing:
     """Wires the relays to the sides.
 
     Attributes:
-        robot, cloud: the relays. servers: of each side. clients: on the robot, with what they were promised.
+        robot, cloud: the relays.
+        servers: of each side.
+        clients: on the robot, with what they were promised.
         outside: the action server outside the group, and its clients in the group.
     """
 

@@ -35,7 +35,8 @@ class Kept:
     Attributes:
         restored_s: true time at which the newest snapshot was made that this node was given by the present data
             process: one that has just begun knows of none, and says of what comes next how old it is.
-        silent: faults at work that keep the node from publishing. torn: share of arrivals whose bytes are damaged.
+        silent: faults at work that keep the node from publishing.
+        torn: share of arrivals whose bytes are damaged.
         deaf: faults at work that keep the node from reading what it is given.
         took: how many snapshots the node was given.
         since, excused_s: what of the age of a snapshot, by the time at which it was made, nobody here could know.

@@ -37,7 +37,8 @@ class Outside:
     """See the module; judges invariants 6a, 6e and 7a for these goals.
 
     Attributes:
-        node, servers: outside the group. goals: of both sides, by number.
+        node, servers: outside the group.
+        goals: of both sides, by number.
         holders: who held when the robot's relay offered an attempt.
         strange: since when a goal runs that is not of the present stay's holder.
     """

@@ -27,7 +27,8 @@ class RelayShell(Shell):
     """What the shells of both relays do alike.
 
     Attributes:
-        servers: of this side. clients: who gets what the relay answers (the robot's only).
+        servers: of this side.
+        clients: who gets what the relay answers (the robot's only).
         outside: takes a call at a used service outside the group: (site, service, payload).
         beyond: the action server outside, and its clients in the group.
     """

@@ -20,8 +20,10 @@ class MemoryBox:
     """A box whose lines stay in memory; see `events.Witness`.
 
     Args:
-        process: who writes. clock_s: true time. window_s: from when to when (true time) the box keeps steps; the state
-            after the last one of a machine is written, too.
+        process: who writes.
+        clock_s: true time.
+        window_s: from when to when (true time) the box keeps steps; the state after the last one of a machine is
+            written, too.
     """
 
     def __init__(self, process: str, clock_s: Callable[[], float], window_s: tuple[float, float] = WHOLE) -> None:

@@ -13,7 +13,8 @@ class Driver(Process):
 
     Attributes:
         inhibited: as last asked; a restart forgets it.
-        command_s: true time of the last command. released_s: of the last release.
+        command_s: true time of the last command.
+        released_s: of the last release.
         slow_s: added to each service call by faults.
     """
 

@@ -29,8 +29,10 @@ class Wire:
 
     Attributes:
         base_s, jitter_s: least delay, and the typical random part on top.
-        extra_s: delay added by faults. losses: shares of the loss faults at work.
-        doubled: share of messages that arrive twice. reordering: faults that let messages overtake.
+        extra_s: delay added by faults.
+        losses: shares of the loss faults at work.
+        doubled: share of messages that arrive twice.
+        reordering: faults that let messages overtake.
         cut_lost, cut_held: how many cuts are at work that lose or hold.
         beside: yields what somebody else's message beside this one is; None: nobody else sends.
         target: the process at the other end, and what it does with an arrival.

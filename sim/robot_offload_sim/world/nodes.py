@@ -29,9 +29,11 @@ class Message(NamedTuple):
     """What a replica publishes.
 
     Attributes:
-        producer: the node; life: the count of its starts, sequences of two lives are not comparable.
+        producer: the node.
+        life: the count of its starts, sequences of two lives are not comparable.
         sequence: grows by one with each message of that life.
-        born_s: true time of publishing. size: bytes.
+        born_s: true time of publishing.
+        size: bytes.
     """
 
     producer: str
@@ -52,9 +54,11 @@ class Node(Process):
         spec: as the guardian knows it.
         state: primary state.
         awake: its first process is Active already: somebody started it before the agent.
-        transition_s: longest normal transition. slow_s: added to each by faults.
+        transition_s: longest normal transition.
+        slow_s: added to each by faults.
         refusing, mute, hung: how many faults of that kind are at work.
-        activations: grows with every change of state. active_s: when it last became Active, true time.
+        activations: grows with every change of state.
+        active_s: when it last became Active, true time.
         occupied: says whether there is something to publish for; None: always.
         woken: happens as the node becomes Active, as its `on_activate` does; None: nothing.
     """

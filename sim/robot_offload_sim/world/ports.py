@@ -45,7 +45,8 @@ class Payload(NamedTuple):
     """What stands for the bytes of an output's message.
 
     Attributes:
-        site: of the replica. message: what it published.
+        site: of the replica.
+        message: what it published.
         header: of the envelope under which it left the cloud; b"" for the robot's.
         left_s: true time from which its age counts: it left its replica, see `Since` for what the cloud cannot know.
     """

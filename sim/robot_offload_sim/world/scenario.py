@@ -22,7 +22,8 @@ class Replica:
 
     Attributes:
         output: index of its output; None: it publishes nothing.
-        period_s: of its timer. on_activate: the timer is made at activation, so the first message comes a period later.
+        period_s: of its timer.
+        on_activate: the timer is made at activation, so the first message comes a period later.
         size: bytes of a message.
     """
 
@@ -37,9 +38,12 @@ class Scenario:
     """A world before anything happens.
 
     Attributes:
-        settings: valid (checked) settings of the switch, on the robot; cloud_settings: as the cloud was told.
-        outputs: collected outputs; output 0 drives the wheels. mirrored: those with consumers in the cloud.
-        inputs: topics to the cloud; input_periods_s: of each, on the robot.
+        settings: valid (checked) settings of the switch, on the robot.
+        cloud_settings: as the cloud was told.
+        outputs: collected outputs; output 0 drives the wheels.
+        mirrored: those with consumers in the cloud.
+        inputs: topics to the cloud.
+        input_periods_s: of each, on the robot.
         robot_nodes, cloud_nodes: managed nodes of each side, in bring-up order.
         replicas, cloud_replicas: what each node publishes.
         inbox: datagrams that wait for a stopped process (10 by default on many kernels, 512 with systemd).
@@ -50,10 +54,12 @@ class Scenario:
         delay_s, jitter_s: one way.
         relay: services and actions that are served; None: there are no relays.
         drops: reopening a session discards what is under way in it.
-        strict: a second publisher stops the wheels. asked: settings that people ask for at run time.
+        strict: a second publisher stops the wheels.
+        asked: settings that people ask for at run time.
         worlds: what this stretch has besides, see worlds.py.
         best_effort: outputs, by index, of which nothing lost is sent again.
-        states: state of nodes that the standby is to know, by name; state_period_s: how often it is published.
+        states: state of nodes that the standby is to know, by name.
+        state_period_s: how often it is published.
         cloud_inputs: the inputs as the cloud's configuration lists them; (): as the robot's.
     """
 

@@ -38,10 +38,12 @@ class Traits:
     """How a server behaves; faults and stories change it.
 
     Attributes:
-        takes_s: how long a goal is executed; inf: until it is cancelled. accept_s: before it answers an offer.
-        single: takes one goal at a time. rejects, deaf, mute: faults at work of refusing goals, ignoring cancels,
-            answering no call and no offer.
-        ends: what a goal ends with. call_s: how long a call is executed.
+        takes_s: how long a goal is executed; inf: until it is cancelled.
+        accept_s: before it answers an offer.
+        single: takes one goal at a time.
+        rejects, deaf, mute: faults at work of refusing goals, ignoring cancels, answering no call and no offer.
+        ends: what a goal ends with.
+        call_s: how long a call is executed.
     """
 
     takes_s: float = float("inf")
@@ -72,8 +74,10 @@ class Servers:
     """All servers of one side.
 
     Attributes:
-        nodes: resource name -> node. of: name of a server -> its node's.
-        executions: by attempt, of the present life of their node. called: (service, payload, true time) of each call.
+        nodes: resource name -> node.
+        of: name of a server -> its node's.
+        executions: by attempt, of the present life of their node.
+        called: (service, payload, true time) of each call.
         began: of each attempt ever accepted, in order.
     """
 

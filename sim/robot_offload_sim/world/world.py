@@ -154,8 +154,8 @@ class Process:
         stops: how many reasons keep it stopped.
         life: grows with each start; what an earlier life planned is void.
         running_since_s: true time of the last start or continuation.
-        row: stops so far with less than ROW_S between their ends. row_s: true time at which the first of
-            them ended, or the last long one.
+        row: stops so far with less than ROW_S between their ends.
+        row_s: true time at which the first of them ended, or the last long one.
         stood_s: how long the last stop took.
         blink_s: a shorter stop may escape the process itself: it belongs to a row and does not prolong it.
     """

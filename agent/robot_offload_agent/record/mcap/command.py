@@ -76,7 +76,8 @@ class Stream:
     """What is heard, on its way to the file. One thread hands over, another one writes.
 
     Attributes:
-        left_out: messages for which the disk was too slow. failure: why nothing is written any more.
+        left_out: messages for which the disk was too slow.
+        failure: why nothing is written any more.
     """
 
     def __init__(self, stream: IO[bytes]) -> None:

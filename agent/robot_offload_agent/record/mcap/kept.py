@@ -25,7 +25,8 @@ class Kept:
     Args:
         folder: made when it is missing.
         keep: so many recordings stay in it, whoever wrote them.
-        release: of the agent. uid: its identity, part of the names.
+        release: of the agent.
+        uid: its identity, part of the names.
     """
 
     def __init__(self, folder: Path, keep: int, release: str, uid: str) -> None:

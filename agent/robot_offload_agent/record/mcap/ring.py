@@ -22,8 +22,11 @@ class Entry:
     """A message as it came.
 
     Attributes:
-        at_s: when, on the steady clock. stamp_ns: the same on the system clock.
-        topic: where. type_name: of which type. latched: the newest one holds until the next one.
+        at_s: when, on the steady clock.
+        stamp_ns: the same on the system clock.
+        topic: where.
+        type_name: of which type.
+        latched: the newest one holds until the next one.
         data: serialized.
     """
 

@@ -32,9 +32,12 @@ class CloudControlProcess(ControlProcess):
     """See the module.
 
     Attributes:
-        cloud: state of the lease machine. link: health of the link to the robot served.
-        complete: the latched inputs are the robot's. data_s: when the data process last reported.
-        data_status: its newest report with details. relay_status: newest report of the relay.
+        cloud: state of the lease machine.
+        link: health of the link to the robot served.
+        complete: the latched inputs are the robot's.
+        data_s: when the data process last reported.
+        data_status: its newest report with details.
+        relay_status: newest report of the relay.
         rest: whether this side's nodes stay Active for their goals.
         request: the switch by hand that is offered to the robot; "" for none.
         veils: the robot served understands words that name it by the hash of its incarnation.

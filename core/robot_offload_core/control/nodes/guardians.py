@@ -43,7 +43,8 @@ class Guardian:
         acting_since_s: since when.
         in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
-        outputs_heard, silent, stop: see Acting. flowing: see Flowing.
+        outputs_heard, silent, stop: see Acting.
+        flowing: see Flowing.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
         inhibited: last confirmed by the driver; None before the first confirmation.

@@ -21,9 +21,11 @@ class Rest:
     """See the module.
 
     Attributes:
-        site: ours. deadline_s: nodes are never held back for longer (`cancelDeadline`).
+        site: ours.
+        deadline_s: nodes are never held back for longer (`cancelDeadline`).
         status, status_s: newest of the relay, and its arrival; None while none ever spoke.
-        acted_s: when this side was last seen acting. settles_until_s: it was called off, and stays Active until then.
+        acted_s: when this side was last seen acting.
+        settles_until_s: it was called off, and stays Active until then.
     """
 
     def __init__(self, site: Site, deadline_s: float) -> None:

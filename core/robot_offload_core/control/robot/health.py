@@ -23,11 +23,13 @@ class Situation:
     """What the robot's control process was told, besides the link. Times on its steady clock, seconds.
 
     Attributes:
-        report: newest of the cloud; control_age_s: silence of its control when it was sent.
+        report: newest of the cloud.
+        control_age_s: silence of its control when it was sent.
         good_s: arrival of the newest good beat of this stay.
         pulse_s: our pulse process last sent a beat.
         gate: newest report of the collector, at gate_s.
-        data_connected, data_cloud, data_heard_s: see DataReported; data_s: when it was told.
+        data_connected, data_cloud, data_heard_s: see DataReported.
+        data_s: when it was told.
     """
 
     report: CloudReport | None = None

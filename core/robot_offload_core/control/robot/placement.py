@@ -84,7 +84,8 @@ class RelayReported:
     Attributes:
         candidate: token of the preparation that `pending` is about.
         pending: (reason, message) of each thing that is missing.
-        hold: an action with a goal that must not be interrupted; "" for none. hold_for_s: how long a change waits.
+        hold: an action with a goal that must not be interrupted; "" for none.
+        hold_for_s: how long a change waits.
         unfit: a mirror on the robot ended long before its goal: the robot must not take over by silence.
     """
 
@@ -169,26 +170,35 @@ class Robot:
 
     Attributes:
         incarnation, started_us: of this control process.
-        settings, inputs: from the configuration. asked: settings that are to hold as soon as that is safe (settling).
+        settings, inputs: from the configuration.
+        asked: settings that are to hold as soon as that is safe (settling).
         link: health of the link to the cloud addressed.
         policy: state of the rule.
-        phase, since_s: the present phase and when it began. charged_s: when the side in charge last changed.
+        phase, since_s: the present phase and when it began.
+        charged_s: when the side in charge last changed.
         partner: incarnation of the cloud that is (to be) in charge.
-        epoch: of the side in charge. last_epoch: highest used, also by preparations.
+        epoch: of the side in charge.
+        last_epoch: highest used, also by preparations.
         preparation: the side that gets ready; None while nobody does.
         failures, retry_s: called-off preparations in a row; no new one before retry_s.
         both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active.
-        outputs: from the configuration, as the collector numbers them. slow: what is known of them (slow_outputs.py).
+        outputs: from the configuration, as the collector numbers them.
+        slow: what is known of them (slow_outputs.py).
         shape: of the configuration (shape.py); "" unknown.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
-        hot: its duplicated CORE nodes are Hot, so it can go on at once. early: see Early.
+        hot: its duplicated CORE nodes are Hot, so it can go on at once.
+        early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
         clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
-        vetoes: of each source that has any. forbidden_s: since when one of them stands that hardens; None: none does.
-        pin: on the robot; manual: the last switch by hand; leaving: what the cloud said of its end.
-        stalls: see Stalls. handing: see Handing.
+        vetoes: of each source that has any.
+        forbidden_s: since when one of them stands that hardens; None: none does.
+        pin: on the robot.
+        manual: the last switch by hand.
+        leaving: what the cloud said of its end.
+        stalls: see Stalls.
+        handing: see Handing.
         fell_at_s: when the robot became unable to act; None while able.
         decided, decided_s: the last decision given out, and when.
         levels, levels_s: what the levels last given out were made of, and when they were.

@@ -75,12 +75,17 @@ class RobotPlan:
     """What the configuration says of the robot's control.
 
     Attributes:
-        settings: of the robot's file. asked: settings in force, which may have been changed since.
-        inputs: topics to the cloud. nodes: managed here. has_driver: there is an inhibit service.
+        settings: of the robot's file.
+        asked: settings in force, which may have been changed since.
+        inputs: topics to the cloud.
+        nodes: managed here.
+        has_driver: there is an inhibit service.
         pin: of a person on the robot.
-        outputs: the collected outputs. publishers: the node that publishes each of them; "" unknown.
+        outputs: the collected outputs.
+        publishers: the node that publishes each of them; "" unknown.
         strict: a second or undeclared publisher stops the driver.
-        has_relay: services or actions are declared. has_state: state is declared.
+        has_relay: services or actions are declared.
+        has_state: state is declared.
         shape: of the configuration (shape.py); "" unknown.
     """
 
@@ -103,8 +108,10 @@ class RobotControlProcess(ControlProcess):
 
     Attributes:
         robot: state of the placement machine.
-        data_status, collector_status: newest reports with details. replicas: (node, state) in the cloud.
-        levels: what was sent last to each process, and when. relay_status: newest report of the relay.
+        data_status, collector_status: newest reports with details.
+        replicas: (node, state) in the cloud.
+        levels: what was sent last to each process, and when.
+        relay_status: newest report of the relay.
         asked_in_cloud, cloud_answer: newest request from the cloud, and the answer, `0 or 1|message`.
         rest: whether this side's nodes stay Active for their goals.
         left: (cloud, its last announced end), as far as obeyed.

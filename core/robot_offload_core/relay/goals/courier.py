@@ -32,7 +32,8 @@ class Courier:
     Attributes:
         mine, peer: incarnations; peer "" while nobody is known.
         gone: incarnations that were replaced: nothing of theirs counts any more.
-        letters: not acknowledged, by number. acks: owed.
+        letters: not acknowledged, by number.
+        acks: owed.
         taken, highest: numbers that arrived.
     """
 

@@ -29,9 +29,11 @@ class Run:
     """An attempt at a server.
 
     Attributes:
-        action: public name. token: under which it runs.
+        action: public name.
+        token: under which it runs.
         accepted: the server has accepted it, or nobody knows and its result is asked for.
-        cancel: it is to end. cancel_due_s: when the server is asked for that (again).
+        cancel: it is to end.
+        cancel_due_s: when the server is asked for that (again).
         sequence: of its newest feedback.
         named_until_s: it is a mirror and needs no lease; -inf: none.
         unasked_until_s: resumed, and its server is not in the graph yet; its result is to be asked for by then.
@@ -79,7 +81,8 @@ class Executor:
     """The attempts at the servers of one face.
 
     Attributes:
-        runs: that may be executed now, by attempt. done: that are not, the newest ones, and how they ended if known.
+        runs: that may be executed now, by attempt.
+        done: that are not, the newest ones, and how they ended if known.
         seen: (action) -> endpoints of the server that is in the graph.
     """
 

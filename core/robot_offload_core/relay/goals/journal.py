@@ -48,9 +48,12 @@ class Replayed:
     """What a journal says.
 
     Attributes:
-        goals: in the client's order. holding: the newest stay that was taken into account.
-        calls: open service calls, caller -> service. dropped: records that were none of ours.
-        used: goals at actions outside. near: goals of the robot's own nodes there, as their clients see them.
+        goals: in the client's order.
+        holding: the newest stay that was taken into account.
+        calls: open service calls, caller -> service.
+        dropped: records that were none of ours.
+        used: goals at actions outside.
+        near: goals of the robot's own nodes there, as their clients see them.
     """
 
     goals: dict[bytes, Goal] = field(default_factory=dict)

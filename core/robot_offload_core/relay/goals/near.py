@@ -26,9 +26,12 @@ class NearGoal:
     """A goal of a client here.
 
     Attributes:
-        id: the client's, and the server's: a goal is offered to one server once. stamp_ns: when it was accepted.
-        cancel: the client asked for its end. waiting: open requests for its result.
-        result: the server's response; b"": a default one. ended_s: None while it lives.
+        id: the client's, and the server's: a goal is offered to one server once.
+        stamp_ns: when it was accepted.
+        cancel: the client asked for its end.
+        waiting: open requests for its result.
+        result: the server's response; b"": a default one.
+        ended_s: None while it lives.
     """
 
     id: bytes

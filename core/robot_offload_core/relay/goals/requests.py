@@ -113,8 +113,10 @@ class Replay:
     """The newest request of a `Both` service, and what each side knows of it.
 
     Attributes:
-        version: counts the requests. played: the newest version that a side has executed.
-        open: number of the ask of a side that is under way. failed: sides that refused it.
+        version: counts the requests.
+        played: the newest version that a side has executed.
+        open: number of the ask of a side that is under way.
+        failed: sides that refused it.
     """
 
     payload: bytes = b""
@@ -128,7 +130,9 @@ class Desk:
     """All requests of the served services.
 
     Attributes:
-        services: by public name. requests: open ones, in order. replays: of services with mode `Both`.
+        services: by public name.
+        requests: open ones, in order.
+        replays: of services with mode `Both`.
         counter: of asks.
     """
 

@@ -61,11 +61,13 @@ class Attempt:
     """One offer of a goal to one server, under an id that no server has seen.
 
     Attributes:
-        id: the goal id at the server. site: whose server.
+        id: the goal id at the server.
+        site: whose server.
         token: of the stay or preparation that it was made for.
         offered_s: when it was offered.
         rank: order of acceptances over all attempts; 0: not accepted.
-        status: with which it ended. ended_s: when.
+        status: with which it ended.
+        ended_s: when.
         cancel: it is to end, whatever becomes of the goal or because of it.
         resume: its relay or ours was replaced, its result is to be asked for again.
     """
@@ -87,15 +89,21 @@ class Goal:
     """A goal of a client.
 
     Attributes:
-        id: the client's. action: public name. payload: the client's request. order: of arrival.
+        id: the client's.
+        action: public name.
+        payload: the client's request.
+        order: of arrival.
         stamp_ns: when it was accepted, for clients.
         caller: open request of the client while it waits for the server's answer (`accept: Holder`); b"" else.
-        status: as the client sees it. result: the server's response; b"": a default one. why: of the ledger's own ends.
+        status: as the client sees it.
+        result: the server's response; b"": a default one.
+        why: of the ledger's own ends.
         ended_s: when it ended; None while it lives.
         cancel: the client asked for it, and was given that.
         waiting: open requests for its result.
         attempts: all that may still run, and the newest of each side.
-        need_s: since when the holder lacks a copy. able_s: since when it has been able to take one.
+        need_s: since when the holder lacks a copy.
+        able_s: since when it has been able to take one.
         moved: the need began with a change of the holder or a forgotten copy, so a refusal is no last word.
         moves: changes of the holder that made the goal begin anew.
         retry_s, copy_retry_s: not offered to the holder, to the candidate, before.

@@ -35,7 +35,9 @@ class UsedGoal:
         relay: incarnation of the cloud's relay whose client sent it; "" on the robot.
         until_s: it waits no longer; after the offer: for the server's answer.
         stay: of the holder when it was offered; None while it waits.
-        accepted: by the server. cancel_due_s: when it is cancelled because of rule 11. cancelled: that was ordered.
+        accepted: by the server.
+        cancel_due_s: when it is cancelled because of rule 11.
+        cancelled: that was ordered.
     """
 
     id: bytes
@@ -55,7 +57,8 @@ class UsedGoals:
     """All goals of both sides that have not ended outside.
 
     Attributes:
-        actions: by public name. goals: by id, in order of arrival.
+        actions: by public name.
+        goals: by id, in order of arrival.
     """
 
     def __init__(self, actions: tuple[UsedAction, ...]) -> None:

@@ -30,8 +30,11 @@ class Work:
     """One step on a copy of the ledger.
 
     Attributes:
-        ledger: before the step. view: see View. now_s: steady clock.
-        goals: as they are now. commands: in order.
+        ledger: before the step.
+        view: see View.
+        now_s: steady clock.
+        goals: as they are now.
+        commands: in order.
         shown: actions whose status is to be published.
     """
 

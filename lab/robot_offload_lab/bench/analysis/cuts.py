@@ -47,7 +47,8 @@ class Cut:
     Attributes:
         direction: `both`, `up` (robot to cloud) or `down`.
         length_s: how long it was to last.
-        cut_s: just after it was cut. healed_s: just before it was mended.
+        cut_s: just after it was cut.
+        healed_s: just before it was mended.
     """
 
     number: int

@@ -30,7 +30,8 @@ class HotChange:
     """One commanded change.
 
     Attributes:
-        to: the new side. gap_ms: last command of the old side to the first of the new one.
+        to: the new side.
+        gap_ms: last command of the old side to the first of the new one.
     """
 
     to: str

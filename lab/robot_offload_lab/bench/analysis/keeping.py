@@ -38,7 +38,8 @@ class Restore:
 
     Attributes:
         age_ms: of the snapshot at the cut.
-        restore_ms: waking until the first message. gap_ms: last message of the cloud until the robot's first.
+        restore_ms: waking until the first message.
+        gap_ms: last message of the cloud until the robot's first.
     """
 
     age_ms: float | None

@@ -58,12 +58,14 @@ class Row:
     """One load over one kind of link.
 
     Attributes:
-        load: its name. cell: of the link.
+        load: its name.
+        cell: of the link.
         seconds: of the observation.
         delivered: share of the published messages that arrived in the cloud.
         p50_ms, p99_ms: ages at arrival; None where nothing arrived.
         cloud: share of the time with the cloud in charge, the load being a required input; after it was chosen once.
-        takeovers: how often the robot took over. alarms: of these, for a reason of the beats.
+        takeovers: how often the robot took over.
+        alarms: of these, for a reason of the beats.
         reasons: of the takeovers.
         date, machine, load_average: of the measurement.
     """

@@ -40,7 +40,8 @@ class DetectionRun:
 
     Attributes:
         case: link, standby, heartbeat.
-        cut_s: length of the cuts. quiet: whether it is watched without a cut before them.
+        cut_s: length of the cuts.
+        quiet: whether it is watched without a cut before them.
     """
 
     case: BenchCase
