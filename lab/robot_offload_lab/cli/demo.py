@@ -17,10 +17,10 @@ from robot_offload.cli.app import example_text
 from robot_offload.errors import InputError
 from robot_offload_lab.cli.pages import ConsolePages
 from robot_offload_lab.judge import recording
-from robot_offload_lab.run import realtime as priorities
 from robot_offload_lab.run import routed
 from robot_offload_lab.run.demo import LONGEST_S, DemoOptions, DemoResult, run
 from robot_offload_lab.run.free import parse_domains
+from robot_offload_lab.run.realtime import is_permitted
 from robot_offload_lab.run.system import Mode
 from robot_offload_lab.show.summary import summary
 from robot_offload_lab.show.view import LineView, LiveView, Terminal, View
@@ -181,7 +181,7 @@ def demo(
         ),
         seed=seed,
         out=out,
-        realtime=priorities.is_permitted() if realtime is None else realtime,
+        realtime=is_permitted() if realtime is None else realtime,
         transport=_transport(link),
         domains=parse_domains(domains),
     )
