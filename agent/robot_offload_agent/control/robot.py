@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,6 +24,7 @@ from robot_offload_agent.settings.adopted import RobotSettings
 from robot_offload_agent.settings.liaison import LEAVING_S
 from robot_offload_agent.settings.override import Override
 from robot_offload_agent.settings.parameters import Configuration, too_tight
+from robot_offload_core.control import weight
 from robot_offload_core.control.nodes import replica_parameters
 from robot_offload_core.control.robot import placement, switcher
 from robot_offload_core.control.robot.availability import Available
@@ -71,6 +73,8 @@ class RobotControlShell(ControlShell):
         self.actions = tuple(action.name for action in relay.actions) if relay is not None else ()
         self.served = tuple(service.name for service in relay.services) if relay is not None else ()
         self.watched = momentary.Watched()
+        self.weight = weight.Weight()
+        self.processes: dict[str, list[int]] = {}
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
         record = configuration.values.get("record_file")  # of the command line, no parameter
@@ -263,6 +267,7 @@ class RobotControlShell(ControlShell):
         self.report.note("settings", self.tuned.problem)
         self.report.note("certificate", self.certificate.problem)
         self.note_certificate()
+        self.note_weight(now)
         self.report.note("audit", (Problem.AUDIT_FAILED, self.audit.problem) if self.audit.problem else None)
         self.compare_parameters()
         process.veto("managers", self.other_managers)
@@ -301,6 +306,12 @@ class RobotControlShell(ControlShell):
         spent_us = (time.thread_time_ns() - begun_ns) // 1000
         self.counters[REPORT_COST] = self.counters.get(REPORT_COST, 0) + spent_us
 
+    def note_weight(self, now: float) -> None:
+        """Report an agent that takes more of the robot's computer than it should."""
+        self.processes = numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes})
+        self.weight = weight.read(self.weight, sum(used_ms for used_ms, _, _ in self.processes.values()) / 1e3, now)
+        self.report.note("weight", weight.problem(self.weight, os.cpu_count() or 1))
+
     def send_numbers(self, now: float) -> None:
         """Send the robot's own numbers to the cloud, which shows them beside its own."""
         process, robot, counters = self.process, self.process.robot, self.counters
@@ -320,7 +331,7 @@ class RobotControlShell(ControlShell):
         }  # fmt: skip
         lists: dict[str, Mapping[str, Any]] = {
             "gaps": numbers.gaps(counters, outputs),
-            "processes": numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes}),
+            "processes": self.processes,
             "goals": numbers.goals(counters, self.actions),
             "actions": numbers.actions(counters, self.actions),
             "services": numbers.services(counters, self.served),

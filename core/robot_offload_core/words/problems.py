@@ -57,6 +57,10 @@ class Problem(Explained):
     OTHER_VERSION = (
         "OtherVersion", "The other side runs another version of the agent", "Run one version on both sides"
     )  # fmt: skip
+    AGENT_HEAVY = (
+        "AgentHeavy", "The robot's agent took more than a tenth of the robot's computer for a minute",
+        "Lengthen `switching.heartbeatPeriod`, or send fewer messages; a loss is noticed later then",
+    )  # fmt: skip
     LIMIT_TOO_TIGHT = (
         "LimitTooTight", "A deadline or an age is so short that it is broken although all is well",
         "Choose the value that the message names",
