@@ -73,7 +73,7 @@ class RobotControlShell(ControlShell):
         self.actions = tuple(action.name for action in relay.actions) if relay is not None else ()
         self.served = tuple(service.name for service in relay.services) if relay is not None else ()
         self.watched = momentary.Watched()
-        self.weight = weight.Weight()
+        self.weight, self.weighed_due_s = weight.Weight(), 0.0
         self.processes: dict[str, list[int]] = {}
         self.services = SwitchServices(self.report.guardian, self.report.switcher_names(), self.post_switch)
         self.report.declare_override(self.override, lambda: self.post(self.set_override))
@@ -310,7 +310,9 @@ class RobotControlShell(ControlShell):
         """Report an agent that takes more of the robot's computer than it should."""
         self.processes = numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes})
         self.weight = weight.read(self.weight, sum(used_ms for used_ms, _, _ in self.processes.values()) / 1e3, now)
-        self.report.note("weight", weight.problem(self.weight, os.cpu_count() or 1))
+        if now >= self.weighed_due_s:
+            self.weighed_due_s = now + weight.WINDOW_S
+            self.report.note("weight", weight.problem(self.weight, os.cpu_count() or 1))
 
     def send_numbers(self, now: float) -> None:
         """Send the robot's own numbers to the cloud, which shows them beside its own."""

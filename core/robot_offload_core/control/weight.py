@@ -48,7 +48,8 @@ def problem(weight: Weight, cores: int) -> tuple[str, str] | None:
     taken = share(weight, cores)
     if taken is None or taken <= HEAVY_SHARE:
         return None
+    tenths = int(taken / HEAVY_SHARE + 1e-9)  # a figure that changed each time would be logged each time
     return Problem.AGENT_HEAVY, (
-        f"The agent takes {taken:.0%} of this computer's processor, {taken * cores:.0%} of one core: a longer "
+        f"The agent takes more than {tenths * HEAVY_SHARE:.0%} of this computer's processor ({cores} cores): a longer "
         "switching.heartbeatPeriod and fewer messages (topics.toCloud: rate) take less of it"
     )

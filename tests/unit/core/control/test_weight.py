@@ -33,12 +33,13 @@ def test_more_than_a_tenth_of_the_computer_is_a_problem(cores_used: float, cores
     assert (problem(after(60, cores_used), cores) is not None) is heavy
 
 
-def test_the_message_names_both_shares_and_what_takes_less() -> None:
+def test_the_message_names_the_share_in_tenths_and_what_takes_less() -> None:
     found = problem(after(90, 0.46), 2)
     assert found is not None
     assert found[0] == "AgentHeavy"
-    assert "23% of this computer's processor, 46% of one core" in found[1]
+    assert "more than 20% of this computer's processor (2 cores)" in found[1]
     assert "switching.heartbeatPeriod" in found[1]
+    assert found == problem(after(90, 0.58), 2)
 
 
 def test_a_peak_of_some_seconds_is_none() -> None:
