@@ -7,7 +7,7 @@ are only added to, and `schema` changes when one changes its meaning. Times are 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -40,6 +40,7 @@ def write(
     directory: Path,
     processor: Mapping[str, float] | None = None,
     computer: Computer = UNKNOWN,
+    warnings: Sequence[Mapping[str, str]] = (),
 ) -> ReportFiles:
     """Write `report.json`, `report.html` and `run.png` into `directory`, which is made if needed.
 
@@ -48,12 +49,13 @@ def write(
         directory: where to write.
         processor: share of one core that each program used, percent.
         computer: what it did during the run.
+        warnings: what the agents reported: side, reason, message, advice.
 
     Raises:
         OSError: the files cannot be written.
     """
     measures = measure(recording)
-    report = build(measures, processor, computer)
+    report = build(measures, processor, computer, warnings)
     directory.mkdir(parents=True, exist_ok=True)
     files = ReportFiles(directory / "report.json", directory / "report.html", directory / "run.png")
     files.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -63,9 +65,12 @@ def write(
 
 
 def build(
-    measures: Measures, processor: Mapping[str, float] | None = None, computer: Computer = UNKNOWN
+    measures: Measures,
+    processor: Mapping[str, float] | None = None,
+    computer: Computer = UNKNOWN,
+    warnings: Sequence[Mapping[str, str]] = (),
 ) -> dict[str, Any]:
-    """Return the report as plain values, ready for JSON; `processor` and `computer` as in `write`."""
+    """Return the report as plain values, ready for JSON; the arguments as in `write`."""
     recording = measures.recording
     why_busy, found = busy(recording, computer), violations(measures)
     kept = counted(found, why_busy)
@@ -93,6 +98,7 @@ def build(
         "calls": _calls(recording),
         "state": [_taking(taking, recording) for taking in handed.takings(recording)],
         "processor": dict(processor or {}),
+        "warnings": [dict(warning) for warning in warnings],
         "busy": why_busy,
         "violations": [_violation(violation) for violation in kept],
         "excused": [_violation(violation) for violation in found if violation not in kept],

@@ -16,7 +16,7 @@ import secrets
 import shutil
 import signal
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,6 +48,7 @@ from robot_offload_lab.run.system import (
     run_info,
     wire_config,
 )
+from robot_offload_lab.run.warned import Warned, Warnings
 from robot_offload_lab.show.view import View
 from robot_offload_lab.show.watch import LiveRun
 from robot_offload_lab.wire.emulated import EmulatedWire
@@ -159,7 +160,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
             view.say(line)
         view.say("Writing the report")
     computer = Computer(demo.busy_share, max(machine.lengths_s, default=0.0))
-    written = write_report(system, demo.processor, computer)
+    written = write_report(system, demo.processor, computer, demo.warnings.found)
     return DemoResult(written, system.recording, trouble, machine.sentence())
 
 
@@ -205,12 +206,16 @@ def _system(
 
 
 def write_report(
-    system: System, processor: Mapping[str, float] | None = None, computer: Computer = UNKNOWN
+    system: System,
+    processor: Mapping[str, float] | None = None,
+    computer: Computer = UNKNOWN,
+    warned: Sequence[Warned] = (),
 ) -> Mapping[str, Any]:
     """Write report.json, report.html and run.png; return the first. `processor`: see `usage.percent`."""
     from robot_offload_lab.judge import report  # noqa: PLC0415 - matplotlib would make every start a second longer
 
-    files = report.write(recording.read(system.recording), system.out, processor, computer)
+    warnings = [dataclasses.asdict(one) for one in warned]
+    files = report.write(recording.read(system.recording), system.out, processor, computer, warnings)
     written: Mapping[str, Any] = json.loads(files.json.read_text(encoding="utf-8"))
     return written
 
@@ -307,6 +312,7 @@ class Demo:
         self._watch = watch
         self._stop = stop
         self._wire: EmulatedWire | None = None
+        self.warnings = Warnings({side: system.logs / f"{side}-agent.log" for side in system.sides})
         self.processor: dict[str, float] = {}
         """Share of one core that each program used from the start of the schedule to the end, percent."""
         self.busy_share: float | None = None
@@ -366,6 +372,7 @@ class Demo:
         """Start the link's schedule; from here on the recording counts."""
         start_s = self._wire.start_schedule() if self._wire else steady_s()
         self._watch.start_s = start_s
+        self.warnings.starting = False
         if self._system.joined_by_dds_wire:
             self._programs.command(DDS_WIRE, {"start": start_s})
         self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
@@ -394,3 +401,5 @@ class Demo:
         now_s = steady_s()
         self._watch.attend(now_s)
         self._view.show(self._watch, now_s)
+        for warned in self.warnings.look():
+            self._view.say(warned.sentence())

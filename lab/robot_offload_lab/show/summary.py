@@ -19,6 +19,7 @@ def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
         *(f"  {line}" for line in _placement(report)),
         *(f"  {line}" for line in _handed(report)),
         *(f"  {line}" for line in _processor(report)),
+        *(f"  {line}" for line in _warnings(report)),
         *_verdict(report["violations"], tuple(untried(report))),
         f"Report: {out / 'report.html'} (also report.json, run.png, recording.jsonl, run.mcap, logs)",
     )
@@ -92,6 +93,11 @@ def _processor(report: Mapping[str, Any]) -> Iterator[str]:
     if shares:
         said = ", ".join(f"{name} {share:.0f} %" for name, share in sorted(shares.items(), key=lambda it: -it[1])[:6])
         yield f"processor on the robot, of one core: {said}"
+
+
+def _warnings(report: Mapping[str, Any]) -> Iterator[str]:
+    for one in report["warnings"]:
+        yield f"the {one['side']}'s agent warned of {one['reason']}: {one['message']}"
 
 
 def _verdict(violations: Sequence[Mapping[str, Any]], untried: Sequence[str]) -> Iterator[str]:

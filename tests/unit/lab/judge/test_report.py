@@ -54,7 +54,7 @@ def test_the_report_holds_every_promised_figure() -> None:
     assert list(report) == [
         *("schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "stops", "goal_reached"),
         *("placement_share", "cloud_share_of_good_time", "messages_passed", "detector_alarms", "false_alarms"),
-        *("link", "goals", "calls", "state", "processor", "busy", "violations", "excused"),
+        *("link", "goals", "calls", "state", "processor", "warnings", "busy", "violations", "excused"),
     ]
     assert report["schema"] == "robotoffload.dev/report/v1"
     assert (report["mode"], report["seed"], report["duration_s"]) == ("offload", 7, 20.0)
