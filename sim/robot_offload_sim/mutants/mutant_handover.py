@@ -357,7 +357,7 @@ HANDOVER: dict[str, Mutant] = {
         (
             Edit(
                 "control.cloud.lease",
-                "prepared = before.granted and before.ready and not before.in_charge",
+                "prepared = before.lease.granted and before.ready and not before.lease.in_charge",
                 "prepared = False",
             ),
         ),

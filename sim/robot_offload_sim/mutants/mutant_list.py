@@ -19,9 +19,9 @@ MUTANTS: dict[str, Mutant] = {
         "paused_cloud_control",
         (
             Edit(
-                "control.cloud.lease",
-                "cloud.void_before_s <= echo.sent_us / 1e6 <= now_s",
-                "echo.sent_us / 1e6 <= now_s",
+                "fence.lease",
+                "not lease.void_before_s <= heard.echo_s <= now_s:",
+                "not heard.echo_s <= now_s:",
             ),
         ),
     ),
@@ -35,9 +35,9 @@ MUTANTS: dict[str, Mutant] = {
         "stranger_in_the_echo",
         (
             Edit(
-                "control.cloud.lease",
-                "if not isinstance(permission, Permission) or permission.cloud != cloud.incarnation:",
-                "if not isinstance(permission, Permission):",
+                "fence.lease",
+                "token.cloud != lease.cloud or token.epoch < lease.epoch:",
+                "token.epoch < lease.epoch:",
             ),
         ),
     ),
@@ -46,9 +46,9 @@ MUTANTS: dict[str, Mutant] = {
         "lease_of_an_ended_epoch",
         (
             Edit(
-                "control.cloud.lease",
-                "cloud = replace(cloud, epoch=permission.epoch, granted=False, in_charge=False, lease_end_s=0.0)",
-                "cloud = replace(cloud, epoch=permission.epoch)",
+                "fence.lease",
+                "lease = replace(lease, epoch=token.epoch, granted=False, in_charge=False, end_s=0.0)",
+                "lease = replace(lease, epoch=token.epoch)",
             ),
         ),
     ),
@@ -61,6 +61,7 @@ MUTANTS: dict[str, Mutant] = {
                 "if cloud.robot and (now_s - cloud.robot_s <= cloud.settings.robot_live_s or holds_lease(cloud, now_s)):",
                 "if False:",
             ),
+            Edit("fence.lease", "if robot == lease.robot or holds(lease, now_s):", "if robot == lease.robot:"),
         ),
     ),
     "L7": Mutant(
@@ -79,9 +80,9 @@ MUTANTS: dict[str, Mutant] = {
         "slow_clock_in_the_cloud",
         (
             Edit(
-                "control.cloud.lease",
-                "end_s = echo.sent_us / 1e6 + min(cloud.settings.lease_s, permission.lease_us / 1e6)",
-                "end_s = echo.sent_us / 1e6 + 1.1 * min(cloud.settings.lease_s, permission.lease_us / 1e6)",
+                "fence.lease",
+                "end_s = heard.echo_s + heard.length_s",
+                "end_s = heard.echo_s + 1.1 * heard.length_s",
             ),
         ),
     ),
@@ -93,12 +94,16 @@ MUTANTS: dict[str, Mutant] = {
     "L11": Mutant(
         "ungranted permission renews",
         "first_command_after_a_cut",
-        (Edit("control.cloud.lease", "end_s)) if permission.granted else cloud", "end_s))"),),
+        (Edit("fence.lease", "end_s)) if heard.granted else lease", "end_s))"),),
     ),
     "L12": Mutant(
         "echo of another incarnation grants",
         "stranger_in_the_echo",
-        (Edit("control.cloud.lease", "if echo is None or echo.incarnation != cloud.incarnation:", "if echo is None:"),),
+        (
+            Edit(
+                "control.cloud.lease", "echo is not None and echo.incarnation == cloud.incarnation", "echo is not None"
+            ),
+        ),
     ),
     "L13": Mutant(
         "robot never forgotten",
@@ -106,7 +111,7 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "control.cloud.lease",
-                "if cloud.robot and now_s - cloud.robot_s > cloud.settings.robot_live_s and not holds_lease(cloud, now_s):",
+                "if cloud.robot and now_s - cloud.robot_s > cloud.settings.robot_live_s:",
                 "if False:",
             ),
         ),
@@ -1178,9 +1183,9 @@ MUTANTS: dict[str, Mutant] = {
         "results_after_old_grants",
         (
             Edit(
-                "control.cloud.lease",
-                "presence_end_s=max(cloud.presence_end_s, end_s)",
-                "presence_end_s=max(cloud.presence_end_s, now_s + cloud.settings.lease_s)",
+                "fence.lease",
+                "presence_end_s=max(lease.presence_end_s, end_s)",
+                "presence_end_s=max(lease.presence_end_s, now_s + heard.length_s)",
             ),
         ),
     ),
@@ -1488,7 +1493,7 @@ MUTANTS: dict[str, Mutant] = {
         "older epoch's grant renews; robot beats in any order; any order of beats",
         "old_grants",
         (
-            Edit("control.cloud.lease", "    if permission.epoch < cloud.epoch:\n        return cloud\n", ""),
+            Edit("fence.lease", " or token.epoch < lease.epoch:\n", ":\n"),
             Edit("control.cloud.lease", "    if beat.sent_us <= cloud.robot_sent_us:\n        return cloud\n", ""),
             Edit(
                 "pulse.pulse",
@@ -1574,7 +1579,7 @@ EQUIVALENT: dict[str, Equivalent] = {
     "L4": Equivalent(
         "older epoch's grant renews",
         "beats of one sender are taken in the order of their sending twice (P2 in the pulse, L9 in the lease): an older epoch never comes later. Removed together with both: L4+L9+P2",
-        (Edit("control.cloud.lease", "    if permission.epoch < cloud.epoch:\n        return cloud\n", ""),),
+        (Edit("fence.lease", " or token.epoch < lease.epoch:\n", ":\n"),),
     ),
     "L9": Equivalent(
         "robot beats in any order",

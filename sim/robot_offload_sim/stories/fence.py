@@ -61,13 +61,13 @@ def stranger_in_the_echo() -> None:
         echo = Echo(echoed, 1, round(stage.cloud.host.now_s() * 1e6) - 1000, 0)
         beat = Beat(UID, Site.ROBOT, robot.incarnation, 1, sent_us, 0, 0, echo, permission)
         stage.cloud.control.beat(beat, stage.cloud.host.now_s(), 0, stage.now)
-        stage.expect(stage.cloud.control.cloud.lease_end_s == 0.0, "a lease out of a stranger's clock")
+        stage.expect(stage.cloud.control.cloud.lease.end_s == 0.0, "a lease out of a stranger's clock")
         stage.run(0.02)
     permission = Permission(robot.epoch, True, STRANGER, 250_000)
     echo = Echo(mine, 1, round(stage.cloud.host.now_s() * 1e6) - 1000, 0)
     beat = Beat(UID, Site.ROBOT, robot.incarnation, 1, round(stage.robot.host.now_s() * 1e6), 0, 0, echo, permission)
     stage.cloud.control.beat(beat, stage.cloud.host.now_s(), 0, stage.now)
-    stage.expect(stage.cloud.control.cloud.lease_end_s == 0.0, "a lease for another cloud")
+    stage.expect(stage.cloud.control.cloud.lease.end_s == 0.0, "a lease for another cloud")
 
 
 def old_grants() -> None:
@@ -85,7 +85,7 @@ def old_grants() -> None:
     stage.run(0.1)
     stage.cloud.pulse.hear(old, stage.now)
     stage.run(0.01)
-    stage.expect(stage.cloud.control.cloud.lease_end_s == 0.0, "no lease of an old epoch")
+    stage.expect(stage.cloud.control.cloud.lease.end_s == 0.0, "no lease of an old epoch")
 
 
 def second_robot() -> None:

@@ -148,9 +148,9 @@ def old_beat_behind_a_newer_one() -> None:
     process, host = stage.cloud.control.process, stage.cloud.host
     beat = stage.robot.pulse.state
     old = compose(beat, stage.robot.host.now_s() - 0.5, stage.robot.host.wall_us)[1]
-    end_s = process.cloud.lease_end_s
+    end_s = process.cloud.lease.end_s
     process.arrived(old, host.now_s(), host.wall_us)
-    stage.expect(process.cloud.lease_end_s == end_s, "an old beat renews the lease")
+    stage.expect(process.cloud.lease.end_s == end_s, "an old beat renews the lease")
 
 
 def pin_to_the_cloud_during_a_takeover() -> None:

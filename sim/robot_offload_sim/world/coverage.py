@@ -292,7 +292,7 @@ def _robot_beat(cloud: lease.Cloud, beat: Beat, now_s: float) -> tuple[str, str]
         return "beat: no grant", ""
     if echo is None or echo.incarnation != cloud.incarnation:
         return "beat: grant", "beat: grant without echo"
-    if echo.sent_us / 1e6 < cloud.void_before_s:
+    if echo.sent_us / 1e6 < cloud.lease.void_before_s:
         return "beat: grant", "beat: grant from before a pause"
     if echo.sent_us / 1e6 + cloud.settings.lease_s <= now_s:
         return "beat: grant", "beat: dead grant"

@@ -78,7 +78,7 @@ class Story:
         self.settings = settings
         self.robot = Robot(ROBOT, us(NOW_S), settings, (SCAN,))
         self.robot_pulse = pulse.Pulse(UID, Site.ROBOT, settings.beat_period_s)
-        self.cloud = lease.Cloud(CLOUD, settings)
+        self.cloud = lease.start(CLOUD, settings)
         self.cloud_pulse = pulse.Pulse(UID, Site.CLOUD, settings.beat_period_s)
         self.gate = gate.start((OutputSpec("cmd_vel", 0.150),), settings.max_command_age_s, settings.lease_s)
         self.robot_nodes = Nodes(0.030, settings.robot_period_s)

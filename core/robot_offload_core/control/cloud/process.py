@@ -62,7 +62,7 @@ class CloudControlProcess(ControlProcess):
         self.hands_over = has_relay or has_state
         self.rest = Rest(Site.CLOUD, settings.cancel_deadline_s)
         self.relay_status: RelayStatus | None = None
-        self.cloud = lease.Cloud(incarnation, settings)
+        self.cloud = lease.start(incarnation, settings)
         self.link = links.Link()
         self.data_s = ports.now_s()
         self.data_status: DataStatus | None = None

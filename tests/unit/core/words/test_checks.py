@@ -14,6 +14,7 @@ from robot_offload_core.control.nodes.guardians import Guardian
 from robot_offload_core.control.robot import switcher
 from robot_offload_core.control.robot.placement import Preparation, Robot
 from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.lease import Lease
 from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.beats import Beat, Echo, Permission
 from robot_offload_core.words.checks import InvariantError
@@ -52,22 +53,22 @@ def test_the_placement_machine_refuses_a_state(before: Robot, after: Robot, rule
     [
         ({"epoch": 3}, "the epoch fell"),
         ({"granted": False}, "without a grant"),
-        ({"lease_end_s": NOW_S + 1.0}, "longer than a lease"),
+        ({"end_s": NOW_S + 1.0}, "longer than a lease"),
         ({"robot": ""}, "of nobody"),
     ],
 )
 def test_the_lease_refuses_a_state(change: dict[str, Any], rule: str) -> None:
-    cloud = Cloud(CLOUD, SETTINGS, robot=ROBOT, epoch=4, granted=True, lease_end_s=NOW_S + 0.1)
+    cloud = Cloud(Lease(CLOUD, ROBOT, epoch=4, granted=True, end_s=NOW_S + 0.1), SETTINGS)
     with pytest.raises(InvariantError, match=rule):
-        lease.check(cloud, replace(cloud, **change), Tick(), NOW_S)
+        lease.check(cloud, replace(cloud, lease=replace(cloud.lease, **change)), Tick(), NOW_S)
 
 
 def test_an_echo_of_a_beat_that_is_still_unsent_grants_nothing() -> None:
-    cloud = Cloud(CLOUD, SETTINGS)
+    cloud = lease.start(CLOUD, SETTINGS)
     echo = Echo(CLOUD, 7, round((NOW_S + 60.0) * 1e6), 0)
     beat = Beat("uid", Site.ROBOT, ROBOT, 1, 1, 0, 0, echo, Permission(2, True, CLOUD, 250_000))
     cloud, _ = lease.step(cloud, RobotBeat(beat, NOW_S), NOW_S)
-    assert cloud.granted
+    assert cloud.lease.granted
     assert not lease.holds_lease(cloud, NOW_S)
 
 
@@ -106,7 +107,7 @@ def test_a_gate_that_names_an_older_side_as_next_arms_nobody() -> None:
     "step",
     [
         lambda event: switcher.step(robot_in(), event, NOW_S),
-        lambda event: lease.step(Cloud(CLOUD, SETTINGS), event, NOW_S),
+        lambda event: lease.step(lease.start(CLOUD, SETTINGS), event, NOW_S),
         lambda event: guardians.step(guardians.start((), 0.25), event, NOW_S),
     ],
 )

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robot_offload_core.control.cloud import lease
 from robot_offload_core.control.cloud.lease import Cloud, CloudNodes, Command, RobotBeat, SetReport, StandChanged
+from robot_offload_core.fence.lease import Lease
 from robot_offload_core.fence.token import Token, presence
 from robot_offload_core.words.beats import Beat, CloudReport, Echo, Permission
 from robot_offload_core.words.events import Acting, CloudData, SetEgress, Tick
@@ -17,7 +18,7 @@ from robot_offload_core.words.settings import Settings
 from tests.unit.core.builders import CLOUD, LEASE_US, NOW_S, ROBOT, SETTINGS, STRANGER, many, permission, robot_beat, us
 
 LEASE_S = SETTINGS.lease_s
-ASLEEP = Cloud(CLOUD, SETTINGS, ready=True, stepped_s=NOW_S - 0.010)
+ASLEEP = Cloud(Lease(CLOUD), SETTINGS, ready=True, stepped_s=NOW_S - 0.010)
 
 
 def heard(cloud: Cloud, beat: Beat, now_s: float = NOW_S) -> Cloud:
@@ -50,7 +51,7 @@ def levels(cloud: Cloud, now_s: float = NOW_S) -> tuple[SetEgress, Acting, Cloud
 
 def egress_of(cloud: Cloud, token: Token) -> SetEgress:
     """What may leave under a grant of `token`, which contains presence."""
-    return SetEgress(token, cloud.lease_end_s, False, presence(token.robot, CLOUD), cloud.presence_end_s)
+    return SetEgress(token, cloud.lease.end_s, False, presence(token.robot, CLOUD), cloud.lease.presence_end_s)
 
 
 # -- the anchor
@@ -58,9 +59,9 @@ def egress_of(cloud: Cloud, token: Token) -> SetEgress:
 
 def test_a_lease_ends_a_lease_after_the_echoed_beat_was_sent() -> None:
     cloud = acting()
-    assert cloud.lease_end_s == pytest.approx(NOW_S - 0.010 + LEASE_S)
-    assert lease.holds_lease(cloud, cloud.lease_end_s - 1e-6)
-    assert not lease.holds_lease(cloud, cloud.lease_end_s)
+    assert cloud.lease.end_s == pytest.approx(NOW_S - 0.010 + LEASE_S)
+    assert lease.holds_lease(cloud, cloud.lease.end_s - 1e-6)
+    assert not lease.holds_lease(cloud, cloud.lease.end_s)
 
 
 def test_a_grant_that_waited_in_a_buffer_is_worthless() -> None:
@@ -71,12 +72,12 @@ def test_a_grant_that_waited_in_a_buffer_is_worthless() -> None:
 def test_a_robot_may_grant_less_than_the_lease_but_not_more() -> None:
     for granted_us, length_s in ((100_000, 0.100), (10 * LEASE_US, LEASE_S)):
         cloud = heard(ASLEEP, robot_beat(echo_s=NOW_S - 0.010, body=permission(lease_us=granted_us)))
-        assert cloud.lease_end_s == pytest.approx(NOW_S - 0.010 + length_s)
+        assert cloud.lease.end_s == pytest.approx(NOW_S - 0.010 + length_s)
 
 
 def test_a_later_grant_that_echoes_an_older_beat_shortens_nothing() -> None:
     cloud = heard(acting(), robot_beat(NOW_S, NOW_S - 0.100), NOW_S + 0.001)
-    assert cloud.lease_end_s == acting().lease_end_s
+    assert cloud.lease.end_s == acting().lease.end_s
 
 
 @pytest.mark.parametrize(
@@ -112,7 +113,7 @@ def test_what_is_no_grant_to_us_gives_no_lease(beat: Beat) -> None:
 )
 def test_what_is_no_grant_to_us_renews_no_lease(beat: Beat) -> None:
     cloud = heard(acting(), beat, NOW_S + 0.005)
-    assert (cloud.epoch, cloud.lease_end_s) == (4, acting().lease_end_s)
+    assert (cloud.epoch, cloud.lease.end_s) == (4, acting().lease.end_s)
 
 
 # -- epochs
@@ -120,7 +121,7 @@ def test_what_is_no_grant_to_us_renews_no_lease(beat: Beat) -> None:
 
 def test_a_newer_epoch_ends_the_older_lease_at_once_even_without_a_grant() -> None:
     cloud = heard(acting(4), robot_beat(NOW_S, body=permission(5, granted=False)), NOW_S + 0.001)
-    assert (cloud.epoch, cloud.granted) == (5, False)
+    assert (cloud.epoch, cloud.lease.granted) == (5, False)
     assert not lease.holds_lease(cloud, NOW_S + 0.001)
 
 
@@ -135,7 +136,7 @@ def test_presence_outlives_the_charge_and_ends_with_its_own_lease() -> None:
     )
     egress = levels(cloud, NOW_S + 0.001)[0]
     assert (egress.token, egress.presence) == (None, presence(ROBOT, CLOUD))
-    assert levels(cloud, cloud.presence_end_s)[0] == SetEgress(None, 0.0)
+    assert levels(cloud, cloud.lease.presence_end_s)[0] == SetEgress(None, 0.0)
 
 
 def test_a_newer_grant_without_a_living_echo_does_not_inherit_the_older_lease() -> None:
@@ -145,7 +146,7 @@ def test_a_newer_grant_without_a_living_echo_does_not_inherit_the_older_lease() 
 
 def test_late_words_of_an_older_epoch_do_not_bring_it_back() -> None:
     cloud = heard(acting(5), robot_beat(NOW_S, NOW_S - 0.001, body=permission(4)), NOW_S + 0.001)
-    assert (cloud.epoch, cloud.lease_end_s) == (5, acting(5).lease_end_s)
+    assert (cloud.epoch, cloud.lease.end_s) == (5, acting(5).lease.end_s)
 
 
 # -- pauses
@@ -168,7 +169,7 @@ def test_after_a_pause_a_grant_counts_again_if_it_echoes_a_beat_of_after_it() ->
     cloud = heard(cloud, robot_beat(after_s + 0.010, after_s - 0.001), after_s + 0.020)
     assert not lease.holds_lease(cloud, after_s + 0.020)
     cloud = heard(cloud, robot_beat(after_s + 0.030, after_s + 0.005), after_s + 0.040)
-    assert cloud.lease_end_s == pytest.approx(after_s + 0.005 + LEASE_S)
+    assert cloud.lease.end_s == pytest.approx(after_s + 0.005 + LEASE_S)
 
 
 def test_ordinary_ticks_are_no_pause() -> None:
@@ -180,7 +181,7 @@ def test_ordinary_ticks_are_no_pause() -> None:
 
 def test_a_second_robot_is_refused_while_the_first_is_live_and_told_so() -> None:
     cloud = heard(acting(), robot_beat(NOW_S, NOW_S - 0.001, incarnation=STRANGER, body=permission(9)), NOW_S + 0.001)
-    assert (cloud.robot, cloud.epoch, cloud.lease_end_s) == (ROBOT, 4, acting().lease_end_s)
+    assert (cloud.robot, cloud.epoch, cloud.lease.end_s) == (ROBOT, 4, acting().lease.end_s)
     told = levels(cloud, NOW_S + 0.001)[2]
     assert (told.serves, told.refused) == (ROBOT, STRANGER)
     assert lease.situation(cloud, NOW_S + 0.001)[0] == "DuplicateIdentity"
@@ -252,7 +253,7 @@ def test_before_the_data_session_was_heard_its_age_is_never() -> None:
 
 
 def test_each_change_is_told_once_with_its_reason() -> None:
-    cloud, told = Cloud(CLOUD, SETTINGS), []
+    cloud, told = lease.start(CLOUD, SETTINGS), []
     script: list[tuple[float, lease.Event]] = [
         (0.0, Tick()),
         (0.01, RobotBeat(robot_beat(NOW_S, NOW_S + 0.005), NOW_S + 0.01)),
@@ -288,7 +289,7 @@ histories = st.lists(st.tuples(st.floats(0, 0.1) | st.floats(0, 2), happenings),
 def test_no_lease_outlives_the_beat_that_it_echoes_whatever_is_heard(
     history: list[tuple[float, tuple[float, float | None, int, bool, bool, str] | bool | None]],
 ) -> None:
-    cloud, now_s = Cloud(CLOUD, SETTINGS), NOW_S
+    cloud, now_s = lease.start(CLOUD, SETTINGS), NOW_S
     echoed_s: dict[Token, float] = {}  # token -> newest beat of ours that a grant of it has echoed
     for wait_s, happening in history:
         now_s += wait_s
@@ -328,7 +329,7 @@ def test_the_egress_knows_whether_the_cloud_is_in_charge_or_only_gets_ready() ->
 def test_a_robot_whose_beats_are_a_second_apart_is_not_forgotten_between_them() -> None:
     slow = Settings(beat_period_s=1.0, loss_timeout_s=2.5, lease_s=5.0, max_command_age_s=2.0, tolerance_s=0.1)
     slow.check()
-    cloud = Cloud(CLOUD, slow)
+    cloud = lease.start(CLOUD, slow)
     for beat in range(5):
         now_s = NOW_S + beat * 1.05
         sent = robot_beat(now_s - 0.010, now_s - 0.030, body=permission(lease_us=us(5.0)))

@@ -310,4 +310,4 @@ def test_what_leaves_the_cloud_is_never_later_than_a_lease_after_the_grant_was_s
     story.cut()
     story.run(SETTINGS.lease_s + 0.010)
     assert story.egress.token is None, "no grant arrives any more"
-    assert permits == [] or story.cloud.lease_end_s - CLOUD_AHEAD_S <= story.now_s
+    assert permits == [] or story.cloud.lease.end_s - CLOUD_AHEAD_S <= story.now_s

@@ -107,7 +107,7 @@ def test_however_the_lease_changes_the_robot_never_thinks_the_cloud_stopped_befo
         story.run(wait_s)
     story.up_cut = True  # the cloud hears nothing more, its lease runs out
     story.until(lambda: switcher.effects_site(story.robot, story.now_s) is Site.ROBOT)
-    assert story.cloud.lease_end_s - CLOUD_AHEAD_S <= story.now_s
+    assert story.cloud.lease.end_s - CLOUD_AHEAD_S <= story.now_s
 
 
 @many
