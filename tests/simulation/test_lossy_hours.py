@@ -20,6 +20,7 @@ from robot_offload_core.control.robot import fast_takeover
 from robot_offload_core.control.robot.placement import Robot
 from robot_offload_core.fence.envelope import Envelope
 from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.grant import Grant
 from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.gates import Gate
@@ -76,7 +77,8 @@ class Rule:
 
     def __init__(self) -> None:
         self.settings = Settings()
-        self.robot = Robot(ROBOT, 1, self.settings, outputs=(COMMANDS,), hot=True, nodes_ready=True)
+        granted = Grant(ROBOT, 0.0, cloud=CLOUD)
+        self.robot = Robot(granted, 1, self.settings, outputs=(COMMANDS,), hot=True, nodes_ready=True)
         self.collector: Collector = collectors.start((COMMANDS,), 1.0, 1e9, self.settings.loss_timeout_s)
         self.count = Count()
         self.left_s: float | None = None
@@ -85,14 +87,16 @@ class Rule:
     def enter(self, now_s: float) -> None:
         """Begins a stay in the cloud."""
         epoch = self.robot.last_epoch + 1
-        self.robot = replace(self.robot, epoch=epoch, last_epoch=epoch, phase=Phase.CLOUD, charged_s=now_s)
+        granted = replace(self.robot.grant, site=Site.CLOUD, epoch=epoch, last_epoch=epoch)
+        self.robot = replace(self.robot, grant=granted, phase=Phase.CLOUD, charged_s=now_s)
         self.token, self.left_s = Token(ROBOT, epoch, CLOUD), None
         self.gate(Charge(Site.CLOUD, self.token), now_s)
 
     def leave(self, now_s: float) -> None:
         """Ends the stay: the robot acts."""
         epoch = self.robot.last_epoch + 1
-        self.robot = replace(self.robot, epoch=epoch, last_epoch=epoch, phase=Phase.ROBOT)
+        granted = replace(self.robot.grant, site=Site.ROBOT, epoch=epoch, last_epoch=epoch)
+        self.robot = replace(self.robot, grant=granted, phase=Phase.ROBOT)
         self.left_s = now_s
         self.gate(Charge(Site.ROBOT, Token(ROBOT, epoch, "")), now_s)
 

@@ -109,9 +109,14 @@ def current(grant: Grant) -> Charge:
     return _charge(grant, grant.site, grant.epoch)
 
 
+def preparing(grant: Grant) -> Charge | None:
+    """Return the charge of the side that gets ready; None while none does."""
+    return _charge(grant, grant.site.other, grant.candidate) if grant.candidate else None
+
+
 def following(grant: Grant) -> Charge | None:
     """Return the charge that the gate may change over to; None while it may not."""
-    return _charge(grant, grant.site.other, grant.candidate) if grant.offered else None
+    return preparing(grant) if grant.offered else None
 
 
 def permission(grant: Grant, heard: str) -> Permission:

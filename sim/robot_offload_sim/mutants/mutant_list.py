@@ -314,8 +314,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "control.robot.changeovers",
-                "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
-                "return revoked_s + PERMISSION_BEATS * settings.beat_period_s",
+                "return PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
+                "return PERMISSION_BEATS * settings.beat_period_s",
             ),
         ),
     ),
@@ -325,8 +325,8 @@ MUTANTS: dict[str, Mutant] = {
         (
             Edit(
                 "control.robot.changeovers",
-                "return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
-                "return revoked_s + settings.lease_s",
+                "return PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s",
+                "return settings.lease_s",
             ),
         ),
     ),
@@ -335,9 +335,9 @@ MUTANTS: dict[str, Mutant] = {
         "called_off",
         (
             Edit(
-                "control.robot.changeovers",
-                "    if phase is Phase.ROBOT:  # the candidate may",
-                "    if False:  # the candidate may",
+                "fence.grant",
+                "return take_over(grant, now_s, stopped_s) if grant.candidate else grant",
+                "return replace(grant, candidate=0, offered=False)",
             ),
         ),
     ),
@@ -346,9 +346,9 @@ MUTANTS: dict[str, Mutant] = {
         "effects_while_offered",
         (
             Edit(
-                "control.robot.switcher",
-                "    if robot.preparation is not None and robot.preparation.offered:\n        return None  # the collector may change over at any moment, and we hear of it later\n",
-                "",
+                "fence.grant",
+                "return None if grant.offered or now_s < grant.clear_s else Site.ROBOT",
+                "return None if now_s < grant.clear_s else Site.ROBOT",
             ),
         ),
     ),
@@ -487,9 +487,9 @@ MUTANTS: dict[str, Mutant] = {
         "restarted_control",
         (
             Edit(
-                "control.robot.switcher",
-                "charge is not None and charge.token.robot == robot.incarnation and charge",
-                "charge is not None and charge",
+                "fence.grant",
+                "charge.token.robot != grant.robot or not grant.epoch < charge.token.epoch <= grant.last_epoch:",
+                "not grant.epoch < charge.token.epoch:",
             ),
         ),
     ),

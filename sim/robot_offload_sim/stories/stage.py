@@ -195,8 +195,7 @@ class Stage:
     @property
     def offered(self) -> bool:
         """Return whether the collector was given the present preparation of the cloud."""
-        preparation = self.machine.preparation
-        return preparation is not None and preparation.offered
+        return self.machine.grant.offered
 
     @property
     def site(self) -> Site:

@@ -13,6 +13,7 @@ import hypothesis
 from robot_offload_core.control.robot.health import Situation
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot, Stalls
 from robot_offload_core.fence.gate import Charge
+from robot_offload_core.fence.grant import Grant
 from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link import links
 from robot_offload_core.link.links import Link
@@ -145,14 +146,20 @@ EPOCHS = {
 def robot_in(phase: Phase = Phase.ROBOT, now_s: float = NOW_S, **changes: Any) -> Robot:
     """A robot that has been in `phase` for a while, in a world in which all is well.
 
-    Changes of fields of the preparation and of the stalls are taken as changes of these.
+    Changes of fields of the grant, the preparation and the stalls are taken as changes of these.
     """
     epoch, candidate = EPOCHS[phase]
-    parts = {key: changes.pop(key) for key in ("deadline_s", "armed", "offered", "need") if key in changes}
-    preparation = replace(Preparation(candidate, now_s + 0.650), **parts) if candidate else None
+    parts = {key: changes.pop(key) for key in ("deadline_s", "armed", "need") if key in changes}
+    preparation = replace(Preparation(now_s + 0.650), **parts) if candidate else None
+    granted = Grant(
+        ROBOT, now_s - 90.0, IN_CHARGE[phase], epoch, max(epoch, candidate), candidate,
+        offered=bool(preparation and preparation.armed), cloud="" if phase is Phase.ROBOT else CLOUD,
+    )  # fmt: skip
+    named = ("clear_s", "epoch", "last_epoch", "candidate", "offered", "cloud")
+    granted = replace(granted, **{key: changes.pop(key) for key in named if key in changes})
     stepped_s = changes.pop("stepped_s", now_s - 0.010)
     robot = Robot(
-        incarnation=ROBOT,
+        grant=granted,
         started_us=us(STARTED_S),
         settings=SETTINGS,
         inputs=(SCAN,),
@@ -161,13 +168,9 @@ def robot_in(phase: Phase = Phase.ROBOT, now_s: float = NOW_S, **changes: Any) -
         phase=phase,
         since_s=now_s - 0.100,
         charged_s=now_s - 100.0,
-        partner="" if phase is Phase.ROBOT else CLOUD,
-        epoch=epoch,
-        last_epoch=max(epoch, candidate),
         preparation=preparation,
         situation=situation(phase, now_s),
         nodes_ready=phase not in (Phase.CLOUD, Phase.TO_ROBOT, Phase.TAKEOVER),
-        clear_s=now_s - 90.0,
         stalls=Stalls(stepped_s),
         decided=Verdict(IN_CHARGE[phase], Reason.STARTING, "Put there by the test"),
         decided_s=now_s - 100.0,

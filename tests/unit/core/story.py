@@ -15,8 +15,9 @@ from typing import TypeVar
 
 from robot_offload_core.collector import gate
 from robot_offload_core.control.cloud import lease
-from robot_offload_core.control.robot import placement, switcher
+from robot_offload_core.control.robot import changeovers, placement, switcher
 from robot_offload_core.control.robot.placement import Answer, Permit, Robot
+from robot_offload_core.fence import grant
 from robot_offload_core.fence.envelope import Envelope
 from robot_offload_core.fence.token import Site
 from robot_offload_core.pulse import pulse
@@ -76,7 +77,8 @@ class Story:
     def __init__(self, settings: Settings = SETTINGS) -> None:
         self.now_s = NOW_S
         self.settings = settings
-        self.robot = Robot(ROBOT, us(NOW_S), settings, (SCAN,))
+        granted = grant.start(ROBOT, NOW_S, changeovers.stopped_s(settings))
+        self.robot = Robot(granted, us(NOW_S), settings, (SCAN,))
         self.robot_pulse = pulse.Pulse(UID, Site.ROBOT, settings.beat_period_s)
         self.cloud = lease.start(CLOUD, settings)
         self.cloud_pulse = pulse.Pulse(UID, Site.CLOUD, settings.beat_period_s)

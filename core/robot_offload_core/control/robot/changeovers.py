@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Preparation, Robot
-from robot_offload_core.fence.gate import Charge
-from robot_offload_core.fence.token import Site, Token
+from robot_offload_core.fence import grant
+from robot_offload_core.fence.grant import Grant
+from robot_offload_core.fence.token import Site
 from robot_offload_core.link import policies
 from robot_offload_core.words.beats import PERMISSION_BEATS
 from robot_offload_core.words.decided import Decided, Phase
 from robot_offload_core.words.messages import Reopen
 from robot_offload_core.words.reasons import Kind, Verdict
 from robot_offload_core.words.replace import replace
+from robot_offload_core.words.settings import Settings
 
 PREPARE_EXTRA_S = 0.5
 """Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""
@@ -24,24 +26,17 @@ DECIDED_PERIOD_S = 0.5
 """Least distance of two announcements that differ in their reason alone."""
 
 
-def clear_s_of(robot: Robot, revoked_s: float) -> float:
-    """Return when the cloud has stopped for sure, if nothing permits it to act after `revoked_s`.
+def stopped_s(settings: Settings) -> float:
+    """Return after how long the cloud has stopped for sure when nothing permits it to act any more, seconds.
 
     The pulse process may use the last permission for two more beats, and the lease that it grants then lasts from
     there.
     """
-    settings = robot.settings
-    return revoked_s + PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s
-
-
-def charge(robot: Robot, side: Site, epoch: int) -> Charge:
-    """Return the charge of a side in an epoch."""
-    return Charge(side, Token(robot.incarnation, epoch, robot.partner if side is Site.CLOUD else ""))
+    return PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s
 
 
 def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
     """Begin to get the other side ready, under a candidate epoch."""
-    candidate = robot.last_epoch + 1
     settings = robot.settings
     need = verdict.reason.kind is Kind.NEED
     prompt = need or verdict.reason.kind is Kind.VETO
@@ -49,28 +44,27 @@ def prepare(robot: Robot, phase: Phase, verdict: Verdict, now_s: float, commands
     flow_s = max(PREPARE_EXTRA_S, slowest_s) + REPORT_BEATS * settings.beat_period_s
     patient_until_s = now_s + settings.preparing_s
     deadline_s = patient_until_s + flow_s
-    preparation = Preparation(candidate, deadline_s, need=need, prompt=prompt, patient_until_s=patient_until_s)
-    robot = replace(robot, phase=phase, since_s=now_s, last_epoch=candidate, preparation=preparation)
+    preparation = Preparation(deadline_s, need=need, prompt=prompt, patient_until_s=patient_until_s)
+    granted = grant.prepare(robot.grant, robot.link.peer)
+    robot = replace(robot, phase=phase, since_s=now_s, grant=granted, preparation=preparation)
     if phase is Phase.TO_CLOUD:
-        robot = replace(robot, partner=robot.link.peer, situation=replace(robot.situation, good_s=None))
+        robot = replace(robot, situation=replace(robot.situation, good_s=None))
     return decide(robot, verdict, now_s, commands, force=True)
 
 
-def enter(robot: Robot, charge: Charge, now_s: float, commands: list[Command]) -> Robot:
-    """Take that the collector has changed over to what was the candidate."""
-    phase = Phase.CLOUD if charge.site is Site.CLOUD else Phase.ROBOT
+def enter(robot: Robot, entered: Grant, now_s: float, commands: list[Command]) -> Robot:
+    """Take that the collector has changed over to what was the candidate; `entered`: the grant since then."""
+    phase = Phase.CLOUD if entered.site is Site.CLOUD else Phase.ROBOT
     good_s = robot.situation.good_s
     robot = replace(
-        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=charge.token.epoch, preparation=None,
+        robot, phase=phase, since_s=now_s, charged_s=now_s, grant=entered, preparation=None,
         failures=0, retry_s=0.0, both_silent=False,
         situation=replace(robot.situation, good_s=now_s if good_s is None else good_s),
     )  # fmt: skip
     policy = robot.policy
-    if phase is Phase.ROBOT:
-        robot = replace(robot, clear_s=clear_s_of(robot, now_s))
-        if not robot.decided.reason.urgent:
-            policy = policies.lost(policy, robot.settings, now_s)
-    robot = replace(robot, policy=policies.entered(policy, charge.site, now_s))
+    if phase is Phase.ROBOT and not robot.decided.reason.urgent:
+        policy = policies.lost(policy, robot.settings, now_s)
+    robot = replace(robot, policy=policies.entered(policy, entered.site, now_s))
     return decide(robot, robot.decided, now_s, commands, force=True, switched=True)
 
 
@@ -78,12 +72,8 @@ def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: l
     """Give a preparation up: the old side goes on, the next attempt waits (not after a person or the clocks)."""
     failed = not why.reason.urgent
     wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
-    epoch = robot.epoch
-    if phase is Phase.ROBOT:  # the candidate may already be passing: only a newer epoch ends it for sure
-        epoch = robot.last_epoch + 1
-        robot = replace(robot, clear_s=clear_s_of(robot, now_s))
     robot = replace(
-        robot, phase=phase, since_s=now_s, epoch=epoch, last_epoch=max(epoch, robot.last_epoch),
+        robot, phase=phase, since_s=now_s, grant=grant.call_off(robot.grant, now_s, stopped_s(robot.settings)),
         preparation=None, failures=robot.failures + failed, retry_s=now_s + wait_s,
     )  # fmt: skip
     return decide(robot, why, now_s, commands, force=True)
@@ -97,7 +87,6 @@ def take_over(
     `by_silence`: of one message, which may come yet: sessions, wishes and what the policy has learned stay.
     """
     silent_s = None if robot.situation.good_s is None else now_s - robot.situation.good_s
-    epoch = robot.last_epoch + 1
     phase = Phase.ROBOT if robot.nodes_ready else Phase.TAKEOVER
     policy = robot.policy if by_silence else policies.lost(robot.policy, robot.settings, now_s)
     policy = policies.entered(policy, Site.ROBOT, now_s)
@@ -105,8 +94,9 @@ def take_over(
     keeps = by_silence or (robot.manual is not None and robot.manual.site is Site.ROBOT)
     manual = robot.manual if keeps else None
     robot = replace(
-        robot, phase=phase, since_s=now_s, charged_s=now_s, epoch=epoch, last_epoch=epoch, preparation=None,
-        failures=0, both_silent=False, retry_s=0.0, manual=manual, clear_s=clear_s_of(robot, now_s), policy=policy,
+        robot, phase=phase, since_s=now_s, charged_s=now_s, preparation=None,
+        grant=grant.take_over(robot.grant, now_s, stopped_s(robot.settings)),
+        failures=0, both_silent=False, retry_s=0.0, manual=manual, policy=policy,
         situation=replace(robot.situation, good_s=None),
     )  # fmt: skip
     if not by_silence:

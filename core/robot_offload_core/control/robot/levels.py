@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robot_offload_core.control.robot import fast_takeover, requests
-from robot_offload_core.control.robot.changeovers import charge
 from robot_offload_core.control.robot.placement import IN_CHARGE, Command, Permit, Robot
 from robot_offload_core.control.robot.stalls import starved
+from robot_offload_core.fence import grant
 from robot_offload_core.fence.token import Site, presence
 from robot_offload_core.words.beats import Permission
 from robot_offload_core.words.decided import Phase
@@ -71,11 +71,8 @@ def outputs_heard_now(robot: Robot, now_s: float) -> bool:
 def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     """Give the three levels out when they changed or a beat period has passed."""
     settings = robot.settings
-    preparing_cloud = robot.phase is Phase.TO_CLOUD
-    granted = preparing_cloud or IN_CHARGE[robot.phase] is Site.CLOUD
-    epoch = robot.candidate if preparing_cloud else robot.epoch
-    in_charge = IN_CHARGE[robot.phase] is Site.CLOUD
-    cloud = robot.partner if granted else robot.link.peer
+    allowed = grant.permission(robot.grant, robot.link.peer)
+    token = allowed.token
     armed = robot.preparation is not None and robot.preparation.armed
     gate_told = robot.situation.gate
     outputs_flow, outputs_heard = outputs_flow_now(robot, now_s), outputs_heard_now(robot, now_s)
@@ -86,19 +83,20 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     floors = fast_takeover.floors(robot, now_s) if robot.early.floors else ()
     # All that the three levels are made of: they are put together only when they are given out.
     levels = (
-        epoch, granted, cloud, settings.lease_s, in_charge, robot.epoch, robot.candidate if armed else 0,
+        token, allowed.granted, settings.lease_s, allowed.in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
         robot.robot_while, cloud_while, prompt, floors,
     )  # fmt: skip
     if levels == robot.levels and now_s - robot.levels_s < settings.beat_period_s - 1e-6:
         return robot
     lease_us = round(settings.lease_s * 1e6)
-    permission = Permission(epoch, granted, cloud, lease_us, in_charge, presence=bool(cloud))
-    following = charge(robot, Site.CLOUD if preparing_cloud else Site.ROBOT, robot.candidate) if armed else None
-    present = presence(robot.incarnation, cloud) if cloud else None
-    current = charge(robot, IN_CHARGE[robot.phase], robot.epoch)
+    permission = Permission(
+        token.epoch, allowed.granted, token.cloud, lease_us, allowed.in_charge, presence=bool(token.cloud)
+    )
+    following = grant.following(robot.grant) if armed else None
+    present = presence(robot.incarnation, token.cloud) if token.cloud else None
     gate = Gate(
-        robot.started_us, current, following, said_s=now_s, presence=present, prompt=prompt,
+        robot.started_us, grant.current(robot.grant), following, said_s=now_s, presence=present, prompt=prompt,
         robot_while=robot.robot_while, cloud_while=cloud_while, floors=floors,
     )  # fmt: skip
     acting = Acting(

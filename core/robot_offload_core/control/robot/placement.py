@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_offload_core.control.robot.health import Situation
+from robot_offload_core.fence.grant import Grant
 from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.link.links import Link
 from robot_offload_core.link.policies import Policy
@@ -58,20 +59,15 @@ class Preparation:
     """A side that gets ready to take over.
 
     Attributes:
-        candidate: epoch that it gets ready under; newer than the one in charge.
         deadline_s: called off when the collector has not changed over by then.
         armed: the collector may change over at the candidate's first messages.
-        offered: the collector was once given this preparation of the cloud, and may have changed over even if it was
-            asked for something else since.
         need: the robot cannot act; nobody asked for the changeover.
         prompt: the side that acts cannot, or must not (a veto), so that nobody waits for slow outputs.
         patient_until_s: so long a change that a person or a pin asked for waits for goals, requests and state.
     """
 
-    candidate: int
     deadline_s: float
     armed: bool = False
-    offered: bool = False
     need: bool = False
     prompt: bool = False
     patient_until_s: float = 0.0
@@ -169,16 +165,14 @@ class Robot:
     """State of the robot's control process. Times on its steady clock, seconds.
 
     Attributes:
-        incarnation, started_us: of this control process.
+        grant: what the cloud is allowed: epochs, the cloud addressed, the preparation; see the fence.
+        started_us: start of this control process.
         settings, inputs: from the configuration.
         asked: settings that are to hold as soon as that is safe (settling).
         link: health of the link to the cloud addressed.
         policy: state of the rule.
         phase, since_s: the present phase and when it began.
         charged_s: when the side in charge last changed.
-        partner: incarnation of the cloud that is (to be) in charge.
-        epoch: of the side in charge.
-        last_epoch: highest used, also by preparations.
         preparation: the side that gets ready; None while nobody does.
         failures, retry_s: called-off preparations in a row; no new one before retry_s.
         both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
@@ -191,7 +185,6 @@ class Robot:
         hot: its duplicated CORE nodes are Hot, so it can go on at once.
         early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
-        clear_s: from when the cloud has stopped for sure; None: reckoned from the start of this process.
         vetoes: of each source that has any.
         forbidden_s: since when one of them stands that hardens; None: none does.
         pin: on the robot.
@@ -204,7 +197,7 @@ class Robot:
         levels, levels_s: what the levels last given out were made of, and when they were.
     """
 
-    incarnation: str
+    grant: Grant
     started_us: int
     settings: Settings
     inputs: tuple[InputSpec, ...] = ()
@@ -213,9 +206,6 @@ class Robot:
     phase: Phase = Phase.ROBOT
     since_s: float = 0.0
     charged_s: float = 0.0
-    partner: str = ""
-    epoch: int = 1
-    last_epoch: int = 1
     preparation: Preparation | None = None
     failures: int = 0
     retry_s: float = 0.0
@@ -229,7 +219,6 @@ class Robot:
     outputs: tuple[OutputSpec, ...] = ()
     slow: tuple[SlowOutput, ...] = ()
     shape: str = ""
-    clear_s: float | None = None
     vetoes: tuple[Vetoed, ...] = ()
     forbidden_s: float | None = None
     pin: Wish | None = None
@@ -245,9 +234,29 @@ class Robot:
     levels_s: float = -1.0
 
     @property
+    def incarnation(self) -> str:
+        """Return the incarnation of this control process."""
+        return self.grant.robot
+
+    @property
+    def epoch(self) -> int:
+        """Return the epoch of the side in charge."""
+        return self.grant.epoch
+
+    @property
+    def last_epoch(self) -> int:
+        """Return the highest epoch used, also by preparations."""
+        return self.grant.last_epoch
+
+    @property
     def candidate(self) -> int:
-        """Epoch of the side that gets ready; 0 for none."""
-        return 0 if self.preparation is None else self.preparation.candidate
+        """Return the epoch of the side that gets ready; 0 for none."""
+        return self.grant.candidate
+
+    @property
+    def partner(self) -> str:
+        """Return the incarnation of the cloud that is, or is to be, in charge."""
+        return self.grant.cloud
 
     def slowest_output_s(self, *, prompt: bool = False) -> float:
         """Return the longest deadline of a rated output, or of those that are not slow; 0 without any."""

@@ -9,11 +9,12 @@ from typing import Protocol
 from robot_offload_core.control.nodes import guardians, managed_nodes
 from robot_offload_core.control.nodes.rest import Rest
 from robot_offload_core.control.process import ControlPorts, ControlProcess
-from robot_offload_core.control.robot import health, placement, readiness, switcher
+from robot_offload_core.control.robot import changeovers, health, placement, readiness, switcher
 from robot_offload_core.control.robot.availability import Available, available
 from robot_offload_core.control.robot.limits import DATA_TIMEOUT_S
 from robot_offload_core.control.robot.placement import CloudBeat, Robot, Wish
 from robot_offload_core.control.robot.settling import meanwhile
+from robot_offload_core.fence import grant
 from robot_offload_core.fence.token import Site
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.beats import Beat, unveil
@@ -127,8 +128,9 @@ class RobotControlProcess(ControlProcess):
         self.ports: RobotControlPorts = ports
         started_s = started_us / 1e6
         # Until the cloud has stopped for sure the longest lease that an earlier process may have granted counts.
+        settings = meanwhile(plan.settings, plan.asked)
         self.robot = Robot(
-            incarnation, started_us, meanwhile(plan.settings, plan.asked), plan.inputs,
+            grant.start(incarnation, started_s, changeovers.stopped_s(settings)), started_us, settings, plan.inputs,
             since_s=started_s, charged_s=started_s, pin=plan.pin, asked=plan.asked,
             outputs=plan.outputs, slow=slow_outputs.start(plan.outputs), shape=plan.shape,
             handing=placement.Handing(served=plan.has_relay, kept=plan.has_state),

@@ -30,7 +30,7 @@ def pending(robot: Robot, preparation: Preparation, *, without_state: bool = Fal
     if lacks is not None or not robot.handing.served:
         return lacks
     report, preparing = robot.handing.report, robot.epoch
-    if report is None or report.candidate is None or report.candidate.epoch != preparation.candidate:
+    if report is None or report.candidate is None or report.candidate.epoch != robot.candidate:
         return Verdict(candidate.other, Reason.GOALS_PENDING, f"The relay does not know of the change from {preparing}")
     if not report.pending:
         return None
@@ -43,7 +43,7 @@ def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict |
     if not robot.handing.kept:
         return None
     told = _said_of(robot.handing, candidate)
-    if told is None or told.epoch != preparation.candidate:
+    if told is None or told.epoch != robot.candidate:
         message = f"The data process of the {candidate.value} does not know of the change"
         return Verdict(candidate.other, Reason.STATE_STALE, message)
     return Verdict(candidate.other, Reason.STATE_STALE, told.lacking[0]) if told.lacking else None

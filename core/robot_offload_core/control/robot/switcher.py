@@ -20,6 +20,7 @@ from robot_offload_core.control.robot.placement import (
     Event,
     GateReported,
     NodesReported,
+    Preparation,
     RelayReported,
     Robot,
     SetPin,
@@ -30,6 +31,7 @@ from robot_offload_core.control.robot.placement import (
     Wish,
 )
 from robot_offload_core.control.robot.settling import meanwhile
+from robot_offload_core.fence import grant
 from robot_offload_core.fence.gate import Charge
 from robot_offload_core.fence.token import Site
 from robot_offload_core.link import links, policies
@@ -69,7 +71,9 @@ def check(before: Robot, after: Robot, event: Event) -> None:
         (after.epoch >= before.epoch, "the epoch fell"),
         (after.last_epoch >= max(before.last_epoch, after.epoch, after.candidate), "an epoch was used beyond the last"),
         (not changed or after.epoch > before.epoch, "the side in charge changed within one epoch"),
+        (after.grant.site is site(after), "the phase and the grant name different sides"),
         ((after.preparation is not None) is preparing, "a preparation exactly while a side gets ready"),
+        ((after.candidate > 0) is preparing, "a candidate exactly while a side gets ready"),
         (not preparing or after.candidate > after.epoch, "the candidate is not newer than who is in charge"),
         (after.partner != "" or (site(after) is Site.ROBOT and not preparing), "the cloud is addressed by no name"),
         (after.incarnation == before.incarnation, "the incarnation changed"),
@@ -83,12 +87,7 @@ def site(robot: Robot) -> Site:
 
 def effects_site(robot: Robot, now_s: float) -> Site | None:
     """Return the side whose effects that are not collected are admitted now; None while the other might still act."""
-    if site(robot) is Site.CLOUD:
-        return Site.CLOUD
-    if robot.preparation is not None and robot.preparation.offered:
-        return None  # the collector may change over at any moment, and we hear of it later
-    clear_s = changeovers.clear_s_of(robot, robot.started_us / 1e6) if robot.clear_s is None else robot.clear_s
-    return Site.ROBOT if now_s >= clear_s else None
+    return grant.effects(robot.grant, now_s)
 
 
 def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
@@ -168,11 +167,11 @@ def _hear(robot: Robot, event: CloudBeat, now_s: float) -> Robot:
 def _gate_reported(robot: Robot, report: GateReport, now_s: float, commands: list[Command]) -> Robot:
     slow = slow_outputs.see(robot.slow, report.robot_flowing, now_s)
     robot = replace(robot, situation=replace(robot.situation, gate=report, gate_s=now_s), slow=slow)
-    charge = report.charge
+    if report.charge is None:
+        return robot
     # Also after a preparation was called off: the collector may have changed over just before it heard of that.
-    if charge is not None and charge.token.robot == robot.incarnation and charge.token.epoch > robot.epoch:
-        return changeovers.enter(robot, charge, now_s, commands)
-    return robot
+    entered = grant.entered(robot.grant, report.charge, now_s, changeovers.stopped_s(robot.settings))
+    return robot if entered is robot.grant else changeovers.enter(robot, entered, now_s, commands)
 
 
 def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]:
@@ -251,7 +250,7 @@ def _move_from_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: lis
     assert preparation is not None
     armed = robot.nodes_ready and readiness.may_arm(robot, preparation, verdict, now_s)
     prompt = preparation.prompt or verdict.reason.kind is Kind.VETO  # whatever it was begun for
-    robot = replace(robot, preparation=replace(preparation, armed=armed, prompt=prompt))
+    robot = _armed(robot, replace(preparation, armed=armed, prompt=prompt))
     robot, why = readiness.interrupts(robot, verdict, now_s)
     if why is None and now_s >= preparation.deadline_s:
         message = "The robot's nodes did not get ready in time, the cloud goes on"
@@ -272,7 +271,7 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
     preparation = robot.preparation
     assert preparation is not None
     report = robot.situation.report
-    ready = report is not None and report.acting and report.epoch == preparation.candidate
+    ready = report is not None and report.acting and report.epoch == robot.candidate
     if fault is None:
         robot, fault = readiness.interrupts(robot, verdict, now_s)
     if fault is None and now_s >= preparation.deadline_s:
@@ -288,8 +287,13 @@ def _move_to_cloud(robot: Robot, verdict: Verdict, now_s: float, commands: list[
     if _unable(robot, now_s):
         preparation = replace(preparation, need=True, prompt=True)  # whatever it was begun for
     armed = ready and readiness.may_arm(robot, preparation, verdict, now_s)
-    preparation = replace(preparation, armed=armed, offered=preparation.offered or armed)
-    return replace(robot, preparation=preparation)
+    return _armed(robot, replace(preparation, armed=armed))
+
+
+def _armed(robot: Robot, preparation: Preparation) -> Robot:
+    """Return the robot with a preparation; one that is armed is offered to the collector."""
+    offered = grant.offer(robot.grant) if preparation.armed else robot.grant
+    return replace(robot, preparation=preparation, grant=offered)
 
 
 def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: list[Command]) -> Robot:
@@ -358,7 +362,4 @@ def _observe_only(robot: Robot, verdict: Verdict, now_s: float, commands: list[C
 
 def prepared(robot: Robot) -> Charge | None:
     """Return the side that gets ready, and the token it does so under; None while none does."""
-    if robot.preparation is None:
-        return None
-    side = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
-    return changeovers.charge(robot, side, robot.candidate)
+    return grant.preparing(robot.grant)

@@ -33,13 +33,15 @@ class Unknown:
 @pytest.mark.parametrize(
     ("before", "after", "rule"),
     [
-        (robot_in(), replace(robot_in(), epoch=robot_in().epoch - 1), "the epoch fell"),
-        (robot_in(), replace(robot_in(Phase.CLOUD), epoch=robot_in().epoch), "within one epoch"),
-        (robot_in(), replace(robot_in(), last_epoch=0), "beyond the last"),
-        (robot_in(), replace(robot_in(), preparation=Preparation(9, 0.0), last_epoch=9), "while a side gets ready"),
+        (robot_in(), robot_in(epoch=robot_in().epoch - 1), "the epoch fell"),
+        (robot_in(), robot_in(Phase.CLOUD, epoch=robot_in().epoch), "within one epoch"),
+        (robot_in(), robot_in(last_epoch=0), "beyond the last"),
+        (robot_in(), replace(robot_in(Phase.CLOUD), phase=Phase.TAKEOVER), "name different sides"),
+        (robot_in(), replace(robot_in(), preparation=Preparation(0.0)), "while a side gets ready"),
+        (robot_in(), robot_in(candidate=9, last_epoch=9), "a candidate exactly while"),
         (robot_in(Phase.TO_CLOUD), replace(robot_in(Phase.TO_CLOUD), preparation=None), "while a side gets ready"),
-        (robot_in(), replace(robot_in(Phase.TO_CLOUD), preparation=Preparation(3, 0.0)), "is not newer"),
-        (robot_in(Phase.CLOUD), replace(robot_in(Phase.CLOUD), partner=""), "by no name"),
+        (robot_in(), robot_in(Phase.TO_CLOUD, candidate=3), "is not newer"),
+        (robot_in(Phase.CLOUD), robot_in(Phase.CLOUD, cloud=""), "by no name"),
     ],
 )
 def test_the_placement_machine_refuses_a_state(before: Robot, after: Robot, rule: str) -> None:

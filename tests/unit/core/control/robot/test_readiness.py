@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_offload_core.control.nodes.rest import RELAY_GONE_S, Rest
 from robot_offload_core.control.robot import readiness
 from robot_offload_core.control.robot.placement import Handing, Preparation, RelayReported, Robot
+from robot_offload_core.fence.grant import Grant
 from robot_offload_core.fence.token import Site, Token
 from robot_offload_core.words.decided import Phase
 from robot_offload_core.words.events import StateReported
@@ -15,13 +16,14 @@ from robot_offload_core.words.settings import Settings
 
 POLICY = Verdict(Site.CLOUD, Reason.CLOUD_PREFERRED, "")
 PIN = Verdict(Site.CLOUD, Reason.PINNED_TO_CLOUD, "")
-PREPARATION = Preparation(7, 6.0, patient_until_s=5.0)
+PREPARATION = Preparation(6.0, patient_until_s=5.0)
 LACKS = (("GoalsPending", "Goals not accepted yet"),)
 
 
 def robot(*pending: tuple[str, str], epoch: int = 7, hold: str = "", served: bool = True) -> Robot:
     report = RelayReported(Token("1" * 32, epoch, "2" * 32), pending, hold, 10.0)
-    state = Robot("1" * 32, 0, Settings(), phase=Phase.TO_CLOUD, epoch=6, last_epoch=7, preparation=PREPARATION)
+    granted = Grant("1" * 32, 0.0, epoch=6, last_epoch=7, candidate=7, cloud="2" * 32)
+    state = Robot(granted, 0, Settings(), phase=Phase.TO_CLOUD, preparation=PREPARATION)
     return replace(state, handing=Handing(served, report))
 
 

@@ -140,7 +140,7 @@ def test_the_collector_may_change_over_once_the_cloud_says_that_it_acts_under_th
     robot, commands = switcher.step(robot, Tick(), NOW_S)
     assert only(commands, SetGate).gate.next == charge(Site.CLOUD, 4)
     assert robot.preparation is not None
-    assert robot.preparation.offered
+    assert robot.grant.offered
 
 
 @pytest.mark.parametrize("epoch", [3, 5])
@@ -148,7 +148,7 @@ def test_a_cloud_that_acts_under_another_epoch_is_not_ready(epoch: int) -> None:
     robot, commands = switcher.step(robot_in(Phase.TO_CLOUD, situation=ready_cloud(epoch)), Tick(), NOW_S)
     assert only(commands, SetGate).gate.next is None
     assert robot.preparation is not None
-    assert not robot.preparation.offered
+    assert not robot.grant.offered
 
 
 def test_the_cloud_is_in_charge_when_the_collector_says_that_it_has_changed_over() -> None:

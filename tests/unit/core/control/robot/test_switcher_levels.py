@@ -7,8 +7,9 @@ from itertools import pairwise
 
 import pytest
 
-from robot_offload_core.control.robot import switcher
+from robot_offload_core.control.robot import changeovers, switcher
 from robot_offload_core.control.robot.placement import GateReported, Permit, Robot, SetPin, SwitchByHand, Wish
+from robot_offload_core.fence import grant
 from robot_offload_core.fence.token import Site
 from robot_offload_core.words import slow_outputs
 from robot_offload_core.words.beats import PERMISSION_BEATS
@@ -20,6 +21,7 @@ from robot_offload_core.words.settings import STALL_BEATS, OutputSpec
 from tests.unit.core.builders import (
     BEAT_S,
     NOW_S,
+    ROBOT,
     SETTINGS,
     STARTED_S,
     gate_report,
@@ -244,7 +246,8 @@ def test_after_calling_off_an_offered_preparation_effects_wait_too() -> None:
 
 
 def test_a_restarted_control_waits_for_what_its_predecessor_may_have_granted() -> None:
-    fresh = robot_in(clear_s=None)
+    granted = grant.start(ROBOT, STARTED_S, changeovers.stopped_s(SETTINGS))
+    fresh = replace(robot_in(), grant=granted)
     assert switcher.effects_site(fresh, STARTED_S + CLEAR_S - 0.001) is None
     assert switcher.effects_site(fresh, STARTED_S + CLEAR_S + 0.001) is Site.ROBOT
 
