@@ -74,6 +74,11 @@ class Leave:
     presence_end_s: float = 0.0
 
 
+def start(cloud: str) -> Lease:
+    """Return the state of a control process of the cloud that starts; `cloud` is its incarnation."""
+    return Lease(cloud)
+
+
 def holds(lease: Lease, now_s: float) -> bool:
     """Return whether a lease is held."""
     return lease.granted and now_s < lease.end_s

@@ -81,7 +81,7 @@ class Cloud:
 
 def start(incarnation: str, settings: Settings) -> Cloud:
     """Return the state of a control process that serves no robot yet."""
-    return Cloud(Lease(incarnation), settings)
+    return Cloud(lease.start(incarnation), settings)
 
 
 @dataclass(frozen=True)
