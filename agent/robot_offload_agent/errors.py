@@ -1,16 +1,16 @@
-"""Errors of the agent; each message says what to do next."""
+"""Errors of the agent; each message states the next step."""
 
 from __future__ import annotations
 
 
 class AgentError(Exception):
-    """Base. `exit_code` is what the process ends with."""
+    """Base class. `exit_code` is the exit code of the process."""
 
     exit_code = 1
 
 
 class ConfigurationError(AgentError):
-    """A parameter that cannot work; names the parameter."""
+    """Invalid parameter; the message names it."""
 
     exit_code = 2
 

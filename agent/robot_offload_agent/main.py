@@ -19,10 +19,10 @@ from robot_offload_agent.settings.parameters import Configuration, load
 from robot_offload_core.fence.token import Site
 
 COLLECTOR_HUNG_S = 3.0
-"""Without the collector no output passes and the robot stands, so less patience than with the others."""
+"""Without the collector no output passes and the robot stands still, so its limit is shorter than the others'."""
 
 Programs = dict[str, Callable[[Configuration], None]]
-"""What each process does, by its name."""
+"""The task of each process, by its name."""
 
 EPILOG = """\
 examples:
@@ -91,7 +91,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def recording(configuration: Configuration, file: Path) -> Configuration:
-    """Return the configuration with a file to record the link to; raise ConfigurationError when that cannot be."""
+    """Return the configuration with a file to record the link to; raise ConfigurationError if that is not possible."""
     if configuration.side is not Site.ROBOT:
         raise ConfigurationError("--record: only the robot's agent records the link; leave it out in the cloud")
     if not file.absolute().parent.is_dir():
@@ -100,8 +100,8 @@ def recording(configuration: Configuration, file: Path) -> Configuration:
 
 
 def supervise(configuration: Configuration) -> int:
-    """Import everything once, then forks the processes and look after them."""
-    # Late, because a wrong parameter file is to be told before half a second of imports.
+    """Import everything once, then fork the processes and supervise them."""
+    # Late, so that a wrong parameter file is reported before half a second of imports.
     from robot_offload_agent.ros.context import run_until_ended  # noqa: PLC0415
     from robot_offload_agent.ros.preload import preload  # noqa: PLC0415
     from robot_offload_agent.runtime import thrift  # noqa: PLC0415
@@ -109,7 +109,7 @@ def supervise(configuration: Configuration) -> int:
     from robot_offload_agent.runtime.supervisor import Supervisor  # noqa: PLC0415
 
     # Fast DDS in shared memory waits for one to three seconds on the ports of a process that was killed; a collector
-    # started again must pass messages sooner. The user's nodes keep what they use: they speak UDP as well.
+    # started again must pass messages sooner. The user's nodes keep their transports: they use UDP as well.
     os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     thrift.save()
     robot = configuration.side is Site.ROBOT
@@ -126,7 +126,7 @@ def supervise(configuration: Configuration) -> int:
 
 
 def programs_of_robot(configuration: Configuration) -> Programs:
-    """Import what the robot's processes do, and nothing else: what is imported here all of them carry."""
+    """Import what the robot's processes need, and nothing else: each of them carries every import."""
     from robot_offload_agent.collector import process as collector  # noqa: PLC0415 - see supervise
     from robot_offload_agent.control import robot as control  # noqa: PLC0415
     from robot_offload_agent.data import robot as data  # noqa: PLC0415
@@ -143,7 +143,7 @@ def programs_of_robot(configuration: Configuration) -> Programs:
 
 
 def programs_of_cloud(configuration: Configuration) -> Programs:
-    """Import what the cloud's processes do, and nothing else."""
+    """Import what the cloud's processes need, and nothing else."""
     from robot_offload_agent.control import cloud as control  # noqa: PLC0415 - see supervise
     from robot_offload_agent.data import cloud as data  # noqa: PLC0415
     from robot_offload_agent.pulse import process as pulse  # noqa: PLC0415
@@ -157,7 +157,7 @@ def programs_of_cloud(configuration: Configuration) -> Programs:
 
 
 def recorder() -> Programs:
-    """Return the process that records changeovers; none where its library is missing, which ends nothing."""
+    """Return the process that records changeovers; none if its library is missing, which is not fatal."""
     from robot_offload_agent.record.mcap import mcap_file, process  # noqa: PLC0415 - see supervise
 
     if mcap_file.installed():

@@ -1,11 +1,11 @@
-"""The errors that a person sees, in one tree. The command line prints their lines and exits with their code.
+"""The errors shown to users, in one tree. The command line prints their lines and exits with their code.
 
 RobotOffloadError      exit code 1
 `- InputError          exit code 2: a file or an option is wrong; nothing was started
    |- SpecError        a RobotOffload specification, with every problem at once
    `- RecordingError   a recording of a run that cannot be read
 
-Errors of one module only stand in that module and derive from one of the first two.
+Errors of a single module are in that module and derive from one of the first two.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from robot_offload.findings import Finding
 
 
 class RobotOffloadError(Exception):
-    """Something went wrong in a way that we can explain; the message says what to do next."""
+    """An error that we can explain; the message gives the next step."""
 
     exit_code: ClassVar[int] = 1
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What to print, one problem a line."""
+        """The text to print, one problem a line."""
         return tuple(str(self).splitlines())
 
 

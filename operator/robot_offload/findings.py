@@ -1,4 +1,4 @@
-"""What a check finds: where, why (one word for machines) and what to do (one sentence for people)."""
+"""The finding of a check: where, why (one word for machines) and what to do (one sentence for people)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Finding:
 
     Attributes:
         path: the field as it is written in YAML, e.g. `spec.nodes[1].name`; empty: the whole document.
-        reason: one CamelCase word; it becomes the reason of a condition, so it stays stable.
-        message: one line that says what is wrong and what to write instead.
-        severity: an `error` refuses the specification, a `warning` is only said.
+        reason: one CamelCase word; it becomes the reason of a condition, so it must not change.
+        message: one line with the problem and what to write instead.
+        severity: an `error` refuses the specification, a `warning` is only reported.
     """
 
     path: str

@@ -1,10 +1,10 @@
-"""The operator's table of contents: what kopf calls, and when.
+"""The operator's table of contents: the handlers that kopf calls, and when.
 
-kopf carries the process and its signals, the watches and their reconnection, one handling at a time for each object,
-the credentials and the posting of Events. Handlers bring the news to the store and wake the RobotOffload that it
-concerns; the queue makes one pass at a time over each (`controller/reconcile`), as often as time and failures ask for
-it. Timers and daemons of kopf need a finalizer, and change handlers need annotations on users' objects: none of them
-is used (docs/decisions/0026-kopf.md).
+kopf provides the process and its signals, the watches and their reconnection, serial handling for each object, the
+credentials and the posting of Events. Handlers put the news into the store and wake the RobotOffload concerned; the
+queue makes one pass at a time over each (`controller/reconcile`), as often as time and failures require. Timers and
+daemons of kopf need a finalizer, and change handlers need annotations on users' objects: none of them is used
+(docs/decisions/0026-kopf.md).
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _CHILDREN: Final = {
 }
 _LONGEST_WAIT_S: Final = 5.0
 _PAGE: Final = 500
-"""Objects per answer of a list: bounds what one answer holds in memory."""
+"""Objects per page of a list: bounds the memory of one answer."""
 
 
 class Patience:
-    """Seconds between attempts of kopf's requests, for ever: what cannot be watched now can be watched later."""
+    """Endless pauses in seconds between attempts of kopf's requests: a failing watch may work later."""
 
     def __iter__(self) -> Iterator[float]:
-        """Yield ever longer pauses."""
+        """Yield growing pauses."""
         pause_s = 0.5
         while True:
             yield pause_s
@@ -49,7 +49,7 @@ class Patience:
 
 @kopf.on.startup(registry=REGISTRY)
 async def start(settings: kopf.OperatorSettings, memo: Operator, retry: int, **_: Any) -> None:
-    """Answer probes at once, wait for the API server and the kind RobotOffload, then count and competes to lead."""
+    """Answer probes at once, wait for the API server and the kind RobotOffload, then count and compete to lead."""
     if retry == 0:
         configure(settings, memo.settings)
         await memo.serve()
@@ -60,13 +60,13 @@ async def start(settings: kopf.OperatorSettings, memo: Operator, retry: int, **_
 
 @kopf.on.login(registry=REGISTRY)
 async def log_in(memo: Operator, **_: Any) -> kopf.AiohttpSession:
-    """Read the credentials, at the start and whenever the API server does not take them any more."""
+    """Read the credentials, at the start and whenever the API server no longer accepts them."""
     return await memo.log_in()
 
 
 @kopf.on.cleanup(registry=REGISTRY)
 async def end(memo: Operator, **_: Any) -> None:
-    """End what was begun, and release the leader's Lease."""
+    """Stop what was started, and release the leader's Lease."""
     await memo.end()
 
 
@@ -75,14 +75,14 @@ async def end(memo: Operator, **_: Any) -> None:
 
 @kopf.on.event(ROBOT_OFFLOAD.api_version, ROBOT_OFFLOAD.plural, registry=REGISTRY)
 async def robot_offload(event: kopf.RawEvent, memo: Operator, **_: Any) -> None:
-    """Wake the RobotOffload that was made, changed or deleted; what a person changes goes first."""
+    """Wake the RobotOffload that was created, changed or deleted; a person's change goes first."""
     memo.context = memo.context or contextvars.copy_context()
     memo.sight.delivered(dict(event["object"]), gone=event["type"] == "DELETED")
     bring(ROBOT_OFFLOAD, event, memo)
 
 
 async def child(event: kopf.RawEvent, resource: kopf.Resource, memo: Operator, **_: Any) -> None:
-    """Wake the owner of a child, of its pod, of the robot's Lease, or whoever reads a user's ConfigMap."""
+    """Wake the owner of a child, of its pod or of the robot's Lease, or the readers of a user's ConfigMap."""
     bring(_CHILDREN[resource.group, resource.plural], event, memo)
 
 
@@ -91,7 +91,7 @@ for _kind in _CHILDREN.values():
 
 
 def bring(kind: Kind, event: kopf.RawEvent, memo: Operator) -> None:
-    """Bring an object of the watch to the store and to whoever waits for it."""
+    """Put an object of the watch into the store, and pass it on to its waiters."""
     # Items of a list carry no kind, and Secrets that of their metadata.
     manifest = {**event["object"], "apiVersion": kind.api_version, "kind": kind.kind}
     if event["type"] == "DELETED":
@@ -101,7 +101,7 @@ def bring(kind: Kind, event: kopf.RawEvent, memo: Operator) -> None:
 
 
 def configure(settings: kopf.OperatorSettings, ours: Settings) -> None:
-    """Set how kopf watches, how patient it is, and that it leaves nothing on any object."""
+    """Configure kopf's watches and patience, and that it leaves nothing on any object."""
     settings.persistence.progress_storage = NoProgress()
     settings.persistence.diffbase_storage = NoDifference()
     settings.persistence.finalizer = "robotoffload.dev/unused"
@@ -115,7 +115,7 @@ def configure(settings: kopf.OperatorSettings, ours: Settings) -> None:
             settings.watching.label_selectors[resource] = watched.labels
         if watched.fields:
             settings.watching.field_selectors[resource] = watched.fields
-    settings.queueing.idle_timeout = 0.1  # a worker that waits holds the last object that it has seen
+    settings.queueing.idle_timeout = 0.1  # a waiting worker holds the last object it has seen
     settings.networking.request_timeout = ours.request_s
     settings.networking.error_backoffs = Patience()
     settings.posting.reporting_component = COMPONENT

@@ -1,7 +1,7 @@
 """Lets a node hand its state to its replica on the other side: bytes on `~/offload/state` and `~/offload/restore`.
 
-A node that keeps something between its messages publishes it as bytes, whenever it changes and at most some times a
-second. Its replica, which sleeps, gets the newest ones and takes them when it wakes:
+A node that keeps something between its messages publishes it as bytes, whenever it changes and at most a few times a
+second. Its replica, which is inactive, gets the newest bytes and takes them when it is activated:
 
     class Localiser(StatefulNode):
         def take_state(self, version, data):  # in on_activate, and later while it has taken or published none

@@ -1,4 +1,4 @@
-"""A lifecycle node with a state that its replica gets to know."""
+"""A lifecycle node whose state is handed to its replica."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _KEPT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=D
 class StatefulNode(LifecycleNode):
     """Base of lifecycle nodes with state; `super().on_activate` and `super().on_deactivate` have to be called.
 
-    One that began clean and has published state of its own takes the first snapshot that comes: its replica acts, and
-    had not said anything before. Once it has taken one, its own state is the newer one.
+    A node that began clean and has published its own state still takes the first snapshot that arrives: its replica
+    acts and had not published before. Once it has taken a snapshot, its own state is the newer one.
 
     Attributes:
         restored: the newest snapshot that has arrived and was not taken yet.
@@ -35,16 +35,16 @@ class StatefulNode(LifecycleNode):
         self._restore = self.create_subscription(UInt8MultiArray, RESTORE, self._arrived, _KEPT)
 
     def take_state(self, version: int, data: bytes) -> None:
-        """Take what the replica on the other side knew; to be overridden.
+        """Take the state of the replica on the other side; to be overridden.
 
         Args:
             version: what that replica gave to `publish_state`.
-            data: its bytes; raise ValueError when they cannot be used, the node then starts clean and says so.
+            data: its bytes; raise ValueError if they cannot be used: the node then starts clean and logs that.
         """
         raise NotImplementedError
 
     def publish_state(self, version: int, data: bytes) -> None:
-        """Publish what a replica has to know; does nothing while the node is not Active."""
+        """Publish the state that a replica needs; do nothing while the node is not Active."""
         if self._acting:
             self._said = True
             self._state.publish(UInt8MultiArray(data=array("B", pack(version, data))))

@@ -14,7 +14,7 @@ HEADER = struct.Struct(">4sHIII")
 
 
 class SnapshotError(ValueError):
-    """Bytes that are no whole snapshot."""
+    """Bytes that are not a whole snapshot."""
 
 
 def pack(version: int, data: bytes) -> bytes:
@@ -23,7 +23,7 @@ def pack(version: int, data: bytes) -> bytes:
 
 
 def unpack(snapshot: bytes) -> tuple[int, bytes]:
-    """Return version and data of a snapshot; raise SnapshotError for bytes that are none or not whole."""
+    """Return version and data of a snapshot; raise SnapshotError for other or incomplete bytes."""
     if len(snapshot) < HEADER.size:
         raise SnapshotError(f"{len(snapshot)} bytes are less than a header")
     magic, version_of_header, version, size, checksum = HEADER.unpack_from(snapshot)

@@ -19,11 +19,11 @@ log = logging.getLogger(__name__)
 
 
 class CertificateKeeper:
-    """Used on the deciding thread; disk and `openssl` have threads of their own.
+    """Runs on the deciding thread; disk and `openssl` have threads of their own.
 
     Attributes:
-        credential: what the cloud is to know.
-        problem: (reason, message) for diagnostics; None when all is well.
+        credential: what the cloud needs to know.
+        problem: (reason, message) for diagnostics; None if there is none.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class CertificateKeeper:
             self._aside(self._look)
 
     def hear(self, signs: bool, answer: str, now: float) -> None:
-        """Take what the cloud says of certificates."""
+        """Take the cloud's notes about certificates."""
         if self._active:
             self._take(renewal.Heard(signs, answer), now)
 
@@ -77,7 +77,7 @@ class CertificateKeeper:
         return renewal.Found(found, bundled=False)
 
     def _aside(self, work: Callable[[], renewal.Event]) -> None:
-        """Do work on a thread of its own; what comes of it is an event on the deciding thread."""
+        """Do work on its own thread; its result is an event on the deciding thread."""
 
         def run() -> None:
             try:

@@ -1,4 +1,4 @@
-"""Keys, requests and certificates through the `openssl` program, which every Ubuntu has: Python's `ssl` makes none."""
+"""Keys, requests and certificates by the `openssl` program, which every Ubuntu has; Python's `ssl` makes none."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pathlib import Path
 from robot_offload_agent.errors import AgentError
 
 PROVED = b"robot-offload renewal\n"
-"""Stands before the request in what is signed, so that the signature is good for nothing else. The operator's too."""
+"""Prefix of the signed request, so that the signature is valid for nothing else. The operator uses the same."""
 WITHIN_S = 20.0
-"""One call takes some milliseconds; a starved machine may need seconds."""
+"""Time limit of one call. It takes some milliseconds; an overloaded machine may need seconds."""
 
 
 class CertificateError(AgentError):
-    """A key or certificate could not be made or read; the message says which."""
+    """A key or certificate could not be made or read; the message names it."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a certificate says.
+    """The content of a certificate.
 
     Attributes:
         serial: its serial number, lower-case hexadecimal without leading zeros.
@@ -66,12 +66,12 @@ def der(certificate: Path) -> bytes:
 
 
 def prove(key: Path, request: bytes) -> bytes:
-    """Return the signature of a request with another key, as proof of having it; raise CertificateError."""
+    """Return the signature of a request with another key, as proof of possession; raise CertificateError."""
     return _run("dgst", "-sha256", "-sign", str(key), given=PROVED + request)
 
 
 def belong_together(certificate: Path, key: Path) -> bool:
-    """Return whether a private key is that of a certificate."""
+    """Return whether a private key belongs to a certificate."""
     try:
         ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_cert_chain(certificate, key)
     except (OSError, ssl.SSLError):

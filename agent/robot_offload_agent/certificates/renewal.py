@@ -1,7 +1,6 @@
-"""When the robot asks for another certificate, and what becomes of the answer. Pure.
+"""When the robot requests another certificate, and how it handles the answer. Pure.
 
-A key that came with a bundle is replaced as soon as a cloud that can sign is there; an own one at two thirds of its
-life.
+A key from a bundle is replaced as soon as a cloud that can sign is there; an own key at two thirds of its life.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ from dataclasses import dataclass, replace
 from robot_offload_agent.certificates.openssl import Certificate
 
 SHARE = 2 / 3
-"""Of a certificate's life after which another one is asked for, as ACME clients do; a third is left for trouble."""
+"""Share of a certificate's life after which the next is requested, as ACME clients do; a third is left for trouble."""
 RETRY_S = 6 * 3600.0
-"""After a refusal, or when the disk did not take it."""
+"""Wait after a refusal, or after the disk could not store it."""
 MAX_ANSWER = 16_384
-"""Characters of an answer. One has about 1,100."""
+"""Most characters of an answer. One has about 1,100."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +25,8 @@ class Renewal:
 
     Attributes:
         certificate: with which the robot dials; None: not read yet.
-        bundled: it is that of the bundle.
-        busy: a key is being made, or a certificate kept.
+        bundled: the certificate is that of the bundle.
+        busy: a key is being made, or a certificate stored.
         request: waits for its answer; "" for none.
         again_s: before this moment nothing is tried.
         reason, message: why there is no other certificate though one is due; "" for no reason.
@@ -59,14 +58,14 @@ class Asking:
 
 @dataclass(frozen=True)
 class Failed:
-    """The key could not be made, or the certificate not be kept."""
+    """The key could not be made, or the certificate could not be stored."""
 
     message: str
 
 
 @dataclass(frozen=True)
 class Heard:
-    """Notes of the cloud: whether certificates are signed there, and the answer to our request; "" for none."""
+    """Notes of the cloud: whether certificates are signed there, and the answer to the robot's request; "" for none."""
 
     signs: bool
     answer: str
@@ -77,7 +76,7 @@ Event = Found | Asking | Failed | Heard
 
 @dataclass(frozen=True)
 class MakeRequest:
-    """Make a key and a request, or find those that are waiting."""
+    """Make a key and a request, or find a pair that waits."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +88,14 @@ class Keep:
 
 @dataclass(frozen=True)
 class Drop:
-    """Forget the key that waits: its request was refused."""
+    """Delete the key that waits: its request was refused."""
 
 
 Command = MakeRequest | Keep | Drop
 
 
 def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[Renewal, Command | None]:
-    """Take in one event; `now_s` is the steady clock, `wall_s` the system clock."""
+    """Process one event; `now_s` is the steady clock, `wall_s` the system clock."""
     if isinstance(event, Heard):
         return _heard(renewal, event, now_s, wall_s)
     if isinstance(event, Found):
@@ -109,7 +108,7 @@ def step(renewal: Renewal, event: Event, now_s: float, wall_s: float) -> tuple[R
 
 
 def due(renewal: Renewal, wall_s: float) -> bool:
-    """Return whether another certificate is wanted. A clock before the certificate's begin is wrong: it waits."""
+    """Return whether another certificate is wanted. A clock before the certificate's begin is wrong: wait."""
     found = renewal.certificate
     if found is None:
         return False
@@ -117,12 +116,12 @@ def due(renewal: Renewal, wall_s: float) -> bool:
 
 
 def digest(request: str) -> str:
-    """Return what names a request in its answer."""
+    """Return the digest that names a request in its answer."""
     return hashlib.sha256(request.encode()).hexdigest()[:16]
 
 
 def asked_in(answer: str) -> str:
-    """Return which request a text answers; "" when it is no answer."""
+    """Return the digest of the request that a text answers; "" if it is not an answer."""
     return _read(answer)[0]
 
 

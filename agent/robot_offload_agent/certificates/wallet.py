@@ -1,12 +1,12 @@
-"""The robot's certificates on its disk, below the folder for what outlives a reboot.
+"""The robot's certificates on its disk, below the folder that outlives a reboot.
 
-    certificates/current -> bundle, or the serial number of the newest own one; what the links read, and the tunnel
+    certificates/current -> bundle, or the serial number of the newest own one; read by the links and the tunnel
     certificates/bundle/robot.pem, robot.key -> the files of the bundle
     certificates/1f3a.../robot.pem, robot.key    an own key and its certificate
     certificates/next/robot.key, request         an own key that has no certificate yet
 
-`current` is replaced in one step, so both files of a pair change together. What cannot be kept never stops the robot:
-it runs with its bundle's files then.
+`current` is replaced in one step, so both files of a pair change together. A failure to store something never stops
+the robot: it runs with its bundle's files then.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ NEXT = "next"
 
 
 class Wallet:
-    """The folder. Its methods block on the disk and on `openssl`: never on a deciding thread.
+    """The folder of certificates. Its methods block on the disk and on `openssl`: never call them on a deciding thread.
 
     Attributes:
-        folder: see the module.
+        folder: see the module's docstring.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -46,7 +46,7 @@ class Wallet:
         self._name = str(configuration["robot_name"]) or "robot"
 
     def choose(self, bundled: Path, bundled_key: Path) -> tuple[Path, Path]:
-        """Make the newest pair the current one and return its files' lasting paths.
+        """Select the newest pair as the current one and return the permanent paths of its files.
 
         Args:
             bundled: the certificate of the bundle.
@@ -61,7 +61,7 @@ class Wallet:
         bundle.mkdir(exist_ok=True)
         for name, target in ((CERTIFICATE, bundled), (KEY, bundled_key)):
             _link(bundle / name, target.absolute())
-        # A bundle that was written after the robot's own certificate was signed means another start: it comes first.
+        # A bundle written after the robot's own certificate was signed marks a new start: it takes precedence.
         found = {BUNDLE: openssl.look(bundle / CERTIFICATE).begin_s}
         for own in self._own():
             try:
@@ -79,13 +79,13 @@ class Wallet:
         return openssl.look(current / CERTIFICATE), current.resolve().name == BUNDLE
 
     def request(self) -> str:
-        """Make a key and return the request for its certificate; the same until it is kept or dropped.
+        """Make a key and return the request for its certificate; return the same until it is kept or dropped.
 
-        A request outlives a restart: its answer may be under way, and is given once for each certificate.
+        A request outlives a restart: its answer may be on its way, and is given once for each certificate.
 
         Raises:
             CertificateError: the key cannot be made.
-            OSError: it cannot be kept.
+            OSError: it cannot be stored.
         """
         place, current = self.folder / NEXT, self.folder / CURRENT
         with_serial = openssl.look(current / CERTIFICATE).serial
@@ -110,7 +110,7 @@ class Wallet:
 
         Raises:
             CertificateError: it is not for that key.
-            OSError: it cannot be kept.
+            OSError: it cannot be stored.
         """
         place = self.folder / NEXT
         write_whole(place / CERTIFICATE, pem, durable=True)
@@ -125,7 +125,7 @@ class Wallet:
         return found
 
     def drop(self) -> None:
-        """Forget the key that waits for a certificate: the next request is for another one."""
+        """Delete the key that waits for a certificate: the next request is for another one."""
         shutil.rmtree(self.folder / NEXT, ignore_errors=True)
 
     def _own(self) -> list[Path]:
@@ -133,14 +133,14 @@ class Wallet:
         return [path for path in folders if openssl.belong_together(path / CERTIFICATE, path / KEY)]
 
     def _clear(self, newest: str) -> None:
-        """Remove own pairs that are not used any more."""
+        """Remove own pairs that are no longer used."""
         for own in self._own():
             if own.name != newest:
                 shutil.rmtree(own, ignore_errors=True)
 
 
 def with_own_certificate(configuration: Configuration) -> Configuration:
-    """Return the robot's configuration with the files of its newest certificate; as it was where that cannot be."""
+    """Return the robot's configuration with the files of its newest certificate; unchanged if that is not possible."""
     bundled, key = configuration["link.certificate"], configuration["link.private_key"]
     if configuration["side"] != "robot" or not (bundled and key):
         return configuration
@@ -159,7 +159,7 @@ def renews(configuration: Configuration) -> bool:
 
 
 def _link(path: Path, target: Path) -> None:
-    """Make a symbolic link, or replace one in one step."""
+    """Make or replace a symbolic link in one step."""
     if path.is_symlink() and path.readlink() == target:
         return
     passing = path.with_name(f"{path.name}.new")

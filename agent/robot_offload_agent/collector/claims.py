@@ -11,10 +11,10 @@ from robot_offload_agent.runtime import identity
 
 
 def claim(domain: int, topics: Iterable[str]) -> list[socket.socket]:
-    """Take the name of each public topic that only one collector may be in front of; hold the result for life.
+    """Take the name of each public topic that only one collector may be in front of; keep the result for life.
 
-    What this host cannot show, such as a collector in another container or on
-    another computer, is found in the graph (`rivals`).
+    A collector that this host cannot see, in another container or on another computer, is found in the graph
+    (`rivals`).
 
     Raises:
         StartError: another collector has a topic, or the system forbids such names.

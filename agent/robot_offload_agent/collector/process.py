@@ -1,7 +1,7 @@
 """The collector process: in front of the consumers of every collected output, on the robot.
 
-Small and on its own, because the robot's output must pass also when every other process of the agent is dead. What it
-has reached is kept in a small memory file, so that a collector that is started again passes nothing left behind.
+It is small and separate, because the robot's output must pass even if every other process of the agent is dead. Its
+state is kept in a small memory file, so that a restarted collector passes nothing that was left behind.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ log = logging.getLogger(__name__)
 NODE_NAME = "offload_collector"
 RESOLVE_FIRST_S = 0.05
 RESOLVE_PERIOD_S = 0.5
-"""How often the graph is looked at: often until everything is subscribed, because no message passes before."""
+"""Interval of the looks at the graph; short until everything is subscribed, because no message passes before."""
 MISSED_PERIOD_S = 0.1
 SECOND_PUBLISHER_CHECK_S = rivals.NAME_S
 """A second publisher found by then stops the start."""
 
 
 class CollectorShell:
-    """Joins the core's collector process, raw topics and the bus.
+    """Connects the core's collector process, raw topics and the bus.
 
     Two threads: ROS (robot's messages), bus (gate, cloud's messages).
     """
@@ -100,7 +100,7 @@ class CollectorShell:
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Send a level that has not changed to another process of this agent."""
+        """Send an unchanged level to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
@@ -111,7 +111,7 @@ class CollectorShell:
         )
 
     def publish(self, index: int, payload: Any) -> None:
-        """Publish to the consumers, as soon as the type is known."""
+        """Publish to the consumers, once the type is known."""
         if index in self.publishers:
             self.publishers[index].publish(payload)
 
@@ -121,7 +121,7 @@ class CollectorShell:
             self.fills[index].publish(payload)
 
     def type_of(self, index: int) -> str:
-        """Return the type that an output is published with, "" while there is no publisher."""
+        """Return the type that an output is published with; "" without a publisher."""
         return self.published.get(index, "")
 
     def topics_of(self, index: int) -> tuple[str, str]:
@@ -130,7 +130,7 @@ class CollectorShell:
         return output["topic"], output["robot_topic"]
 
     def save(self, state: Collector) -> None:
-        """Keep who passes now in the memory file, and wake the relay, which reads it there."""
+        """Store who passes now in the memory file, and wake the relay, which reads it there."""
         self.memory.save(state)
         if self.has_relay:
             self.bus.send("relay", HolderChanged())
@@ -157,9 +157,9 @@ class CollectorShell:
         return RESOLVE_FIRST_S if hurried else RESOLVE_PERIOD_S
 
     def resolve_publisher(self, index: int, subscription: raw.RawSubscription) -> None:
-        """Make the publisher of the public topic, of the type and the kind of the replica's own publisher.
+        """Make the publisher of the public topic, with the type and QoS of the replica's own publisher.
 
-        While the robot's replica has never been seen the cloud's type is taken: the robot may be what is missing.
+        Until the robot's replica has been seen, the cloud's type is taken: the robot's may be missing.
         """
         output = self.configuration.outputs[index]
         own = subscription.type_name and raw.named_type(subscription.type_name, subscription.type_hash)
@@ -186,7 +186,7 @@ class CollectorShell:
             self.node.destroy_publisher(replaced)
 
     def _resolve_shared(self) -> None:
-        """Subscribe to the public topics of shared outputs, make what fills their private ones."""
+        """Subscribe to the public topics of shared outputs; create the publishers of their private ones."""
         for index, heard in self.shared.items():
             heard.resolve()
             output = self.configuration.outputs[index]
@@ -196,7 +196,7 @@ class CollectorShell:
                 self.fills[index] = raw.make_publisher(self.node, output["robot_topic"], name, qos)
 
     def check_publishers(self) -> None:
-        """Look for a second publisher on a public topic: it stops the start, and later the cloud."""
+        """Look for a second publisher on a public topic: it prevents the start, and later stops the cloud."""
         now = now_s()
         for index, output in enumerate(self.configuration.outputs):
             found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(output["topic"])]
@@ -248,7 +248,7 @@ class CollectorShell:
             self.miss_control()
 
     def miss_control(self) -> None:
-        """Report to the supervisor, ten times a second, for how long control has not been heard."""
+        """Report to the supervisor, ten times a second, how long control has not been heard."""
         state, now = self.process.state, now_s()
         if state.fell_back and state.gate_s is not None and now >= self.missed_due_s:
             self.missed_due_s = now + MISSED_PERIOD_S

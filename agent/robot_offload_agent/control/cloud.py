@@ -1,4 +1,4 @@
-"""The shell of the cloud's control process: what joins it to the operator, services and diagnostics."""
+"""The shell of the cloud's control process: its connection to the operator, services and diagnostics."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from robot_offload_core.words.reasons import Reason
 log = logging.getLogger(__name__)
 
 SILENT_S = 2.0
-"""A data process that has not reported for so long is not there; it reports 25 times a second."""
+"""A data process that has not reported for this long counts as absent; it reports 25 times a second."""
 
 
 class CloudControlShell(ControlShell):
-    """See the module."""
+    """The cloud's control process in its shell: serves switches, exchanges notes and files, publishes diagnostics."""
 
     process: CloudControlProcess
 
@@ -76,14 +76,14 @@ class CloudControlShell(ControlShell):
         log.info("%s reason=%s", message, reason)
 
     def turned(self, now: float) -> None:
-        """Report the operator's files what has changed."""
+        """Report to the operator's files what has changed."""
         connected = bool(self.process.cloud.robot)
         if connected is not self.liaison.connected or not self.liaison.since:
             self.deal(liaison.Seen(connected, wall_text()), now)
         self.write_state(now)
 
     def take_notes(self, message: Notes, now: float) -> None:
-        """Take what the robot served says of its settings, of who acts, and of our end."""
+        """Take the notes of the robot that is served: its settings, who acts, and whether it has left this cloud."""
         if message.incarnation != self.process.cloud.robot:
             return
         try:
@@ -104,7 +104,7 @@ class CloudControlShell(ControlShell):
             self.tally.look(self.process.link, message.arrived_s, self.process.settings.loss_timeout_s)
 
     def take_report(self, text: str, now: float) -> None:
-        """Take the robot's own numbers; what is none of ours is counted, and a later version said in words."""
+        """Take the robot's own numbers; count invalid ones, and report a later version as a problem."""
         try:
             self.numbers = robot_report.decode(text, self.process.cloud.robot, self.topics)
         except robot_report.StrangerError:
@@ -118,7 +118,7 @@ class CloudControlShell(ControlShell):
         self.report.note("report", None)
 
     def deal(self, event: liaison.Event, now: float) -> None:
-        """Take one event for what joins us to the operator."""
+        """Process one event for the exchange with the operator."""
         self.liaison = liaison.step(self.liaison, event, now)
         told = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         if told != self.noted:
@@ -126,7 +126,7 @@ class CloudControlShell(ControlShell):
         self.write_state(now)
 
     def send_notes(self, now: float) -> None:
-        """Send our notes for the robot, and the limits of the inputs that it has accepted."""
+        """Send the cloud's notes for the robot, and the limits of the inputs that the robot has accepted."""
         notes, taken = self.noted = (liaison.notes(self.liaison, now), liaison.taken(self.liaison))
         stated = replica_parameters.statements(self.comparison.compared)
         vetoes = (*self.other_managers, *self._second_session(), *self._twins())[:MAX_VETOES]
@@ -142,7 +142,7 @@ class CloudControlShell(ControlShell):
         return tuple(p for p in (status.problems if status is not None else ()) if p[0] == Reason.TWO_REPLICAS)
 
     def _second_session(self) -> tuple[tuple[str, str], ...]:
-        """Return the veto while another session shows the robot's certificate: its words may be a stranger's."""
+        """Return the veto while another session shows the robot's certificate: its messages may be a stranger's."""
         status = self.pulse_status
         found = status is not None and status.cause == Reason.SECOND_SESSION
         return ((Reason.SECOND_SESSION.value, status.message),) if status is not None and found else ()
@@ -161,7 +161,7 @@ class CloudControlShell(ControlShell):
         self.files.tell(state, now, lambda: self.figures(now))
 
     def figures(self, now: float) -> dict[str, object]:
-        """Return what the state file says anew at each writing."""
+        """Return the part of the state file that is new at each writing."""
         self.watched = momentary.watch(self.watched, self.process.link, now)
         glance = momentary.Glance()
         if self.liaison.connected:
@@ -179,14 +179,14 @@ class CloudControlShell(ControlShell):
         }
 
     def processes(self, now: float) -> dict[str, list[int]]:
-        """Return what this agent's processes cost, looked at once a second."""
+        """Return processor time, memory and deaths of this agent's processes, read once a second."""
         if now >= self.processes_due_s:
             self.processes_due_s = now + 1.0
             self.cost = numbers.processes({name: deaths for name, deaths, _, _ in self.lives.processes})
         return self.cost
 
     def carried(self) -> list[liaison.Carried]:
-        """Return what crossed the link so far, by topic: as this side got or sent it."""
+        """Return what crossed the link so far, by topic, as this side received or sent it."""
         status = self.process.data_status
         counters = dict(status.counters) if status is not None else {}
         ways = (
@@ -207,7 +207,7 @@ class CloudControlShell(ControlShell):
         ]
 
     def state_ages_ms(self) -> dict[str, int]:
-        """Return how old the state was with which the cloud last began to act, by name of the entry."""
+        """Return how old the state was when the cloud last began to act, by name of the entry."""
         status = self.process.data_status
         counters = dict(status.counters) if status is not None else {}
         names = [state.name for state in self.configuration.states]

@@ -18,7 +18,7 @@ def explained(
     reason: str, message: str, nodes: Iterable[Node], replicas: Mapping[str, str],
     problems: Iterable[tuple[str, str]], link: str,
 ) -> str:  # fmt: skip
-    """Return the message of a decision with those that it is about.
+    """Return the message of a decision with the nodes and topics that it is about.
 
     Args:
         reason: of the decision.
@@ -26,7 +26,7 @@ def explained(
         nodes: of the robot, as its guardian knows them.
         replicas: state of each node in the cloud.
         problems: (reason, message) of the robot's data process.
-        link: what is wrong with the pulse session, "" for nothing.
+        link: the pulse session's problem, "" for none.
     """
     if reason in LINK:
         return f"{message}: {link}" if link else message

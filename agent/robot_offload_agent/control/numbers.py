@@ -1,4 +1,4 @@
-"""The robot's numbers for its report: counters of all its processes by kind, and what those processes cost."""
+"""The robot's numbers for its report: counters of all its processes by kind, and the resources that they use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 PAGE_KB = os.sysconf("SC_PAGE_SIZE") // 1024
 GAPS = re.compile(r"(.+)\.gap_ms\.(\d+)")
 THINNED = ("sent", "rate_limited", "thinned", "unsent")
-"""What became of an input's messages on the robot."""
+"""Fates of an input's messages on the robot."""
 ENDS = ("succeeded", "aborted", "canceled")
 NAMES = ("control", "pulse", "data", "collector", "relay")
 """Of the processes; the kernel keeps 15 characters of `ro-robot-collector`."""
@@ -76,7 +76,7 @@ def changeover(
 
     Args:
         last: when, to which side, why; None: there was none since the start.
-        silence: around the last change that the collector has seen: side, moment, ms; None: it is not known yet.
+        silence: around the last change that the collector has seen: side, moment, ms; None: not known yet.
         now_s: the present.
     """
     if last is None:
@@ -88,7 +88,7 @@ def changeover(
 
 
 def actions(counters: Mapping[str, int], names: Iterable[str]) -> dict[str, list[int]]:
-    """Return of each action the goals that a side executes now, those that wait for one, and all restarts."""
+    """Return, for each action, the goals that a side executes now, those that wait for one, and all restarts."""
     return {name: [counters.get(f"{name}.{word}", 0) for word in IN_FLIGHT] for name in names}
 
 

@@ -37,20 +37,21 @@ from robot_offload_core.words.reasons import Reason
 log = logging.getLogger(__name__)
 
 TICK_S = 0.020
-"""The clockwork of retries and renewals; a deadline that matters sooner is met by `next_deadline_s`."""
+"""Interval of retries and renewals; an earlier deadline is met by `next_deadline_s`."""
 SLACK_S = 0.010
 """How long a due tick waits for the next datagram, so that one wake-up serves both."""
 EARLY_S = 0.008
-"""A tick due within this time is made with the datagram that has just come: both have one period."""
+"""A tick due within this time is made with the datagram that has just arrived: both have one period."""
 REPORT_PERIOD_S = 1.0
 SEEN_PERIOD_S = 0.5
-"""How often nodes without a lifecycle are looked for in the graph."""
+"""Interval at which nodes without a lifecycle are looked for in the graph."""
 GRAPH_PERIOD_S = 3.0
-"""How often the graph is searched for what should not be there; two looks in a row must find it."""
+"""Interval at which the graph is searched for what should not be there; two looks in a row must find it."""
 SPINS_S = 1.0
-"""How often the spinning thread shows that it lives. Each time costs rclpy's executor a look at every entity."""
+"""Interval at which the spinning thread shows that it lives. Each time costs rclpy's executor a look at every
+entity."""
 SWITCH_INTERVAL_S = 0.001
-"""The interpreter changes threads this often at most: the deciding thread must not wait 5 ms for the spinning one."""
+"""Most frequent change of threads in the interpreter: the deciding thread must not wait 5 ms for the spinning one."""
 
 
 class Witnesses:
@@ -60,17 +61,17 @@ class Witnesses:
         self.witnesses = tuple(witnesses)
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Hand a step to each."""
+        """Pass a step to each."""
         for witness in self.witnesses:
             witness.stepped(machine, now_s, event, after, commands)
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Hand a state to each."""
+        """Pass a state to each."""
         for witness in self.witnesses:
             witness.restated(machine, now_s, state)
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Hand a step that broke a rule to each."""
+        """Pass a step that broke a rule to each."""
         for witness in self.witnesses:
             witness.broke(machine, now_s, event, rule)
 
@@ -80,7 +81,7 @@ class ControlShell(ABC):
 
     Attributes:
         process: the core's control process, set by the subclass before `run`.
-        witnesses: what sees every step of it besides the black box; added to before `run`.
+        witnesses: observers of its every step besides the black box; added to before `run`.
     """
 
     process: ControlProcess
@@ -142,7 +143,7 @@ class ControlShell(ABC):
         self.post(lambda _now: self.process.guard(event))
 
     def decide(self) -> None:
-        """Take events, then a turn, over and over (the deciding thread)."""
+        """Take events, then a turn, repeatedly (the deciding thread)."""
         due_s = turned_s = now_s()
         while True:
             wake_s, deadline_s = due_s + SLACK_S, self.process.next_deadline_s()
@@ -200,7 +201,7 @@ class ControlShell(ABC):
             self.process.handle(message)
 
     def take_pulse_status(self, status: PulseStatus) -> None:
-        """Take the state of the pulse session; what somebody has to do something about is a problem."""
+        """Take the state of the pulse session; what the user has to fix is a problem."""
         before, self.pulse_status = self.pulse_status, status
         if status.realtime not in ("fifo", "normal"):
             self.report.note("realtime", ("RealtimeRefused", status.realtime))
@@ -211,7 +212,7 @@ class ControlShell(ABC):
         self.report.note("version", ("OtherVersion", message) if refused else None)
 
     def take_lives(self, lives: Lives) -> None:
-        """Take what the supervisor says of all processes; what hung or broke is a problem for as long as it lives."""
+        """Take the supervisor's report on all processes; what hung or broke is a problem for as long as it lives."""
         self.lives = lives
         hung = ", ".join(f"{name} ({hangs} times)" for name, _, hangs, _ in lives.processes if hangs)
         message = f"Did not answer any more and was started again: {hung}"
@@ -221,7 +222,7 @@ class ControlShell(ABC):
         self.report.note("broken", ("InvariantBroken", message) if broken else None)
 
     def life_counters(self) -> dict[str, int]:
-        """Return what was no message here, and deaths of each process and their kinds, for diagnostics."""
+        """Return, for diagnostics, the number of invalid messages, and deaths of each process and their kinds."""
         counters = {"garbage.control": self.bus.garbage + self.guard.count}
         if self.box is not None and self.box.left_out:
             counters["blackbox.left_out"] = self.box.left_out
@@ -231,7 +232,7 @@ class ControlShell(ABC):
         return counters
 
     def look_for_plain_nodes(self) -> None:
-        """Note which nodes without a lifecycle are in the graph, with all their declared names."""
+        """Record which nodes without a lifecycle are in the graph, with all their declared names."""
         if self.managed.plain:
             missing = self.managed.missing_plain()
             self.process.guard(guardians.Seen(tuple(name for name, what in missing.items() if not what)))
@@ -239,7 +240,7 @@ class ControlShell(ABC):
                 self.report.note(f"plain {name}", ("NodeUnseen", what) if what else None)
 
     def look_at_graph(self, now: float) -> None:
-        """Report nodes that are not what was declared, and who else changes their states."""
+        """Report nodes that differ from their declaration, and other programs that change their states."""
         if now < self.graph_due_s:
             return
         self.graph_due_s = now + GRAPH_PERIOD_S
@@ -272,7 +273,7 @@ class ControlShell(ABC):
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Send a level that has not changed to another process of this agent."""
+        """Send an unchanged level to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry_out(self, command: managed_nodes.Command) -> None:

@@ -45,7 +45,7 @@ REPORT_COST = "report.cpu_us"
 
 
 class RobotControlShell(ControlShell):
-    """See the module."""
+    """The robot's control process in its shell: takes settings and overrides, publishes placement and diagnostics."""
 
     process: RobotControlProcess
 
@@ -98,7 +98,7 @@ class RobotControlShell(ControlShell):
         self.process.step(placement.SetPin(self.override.wish(now)))
 
     def take(self, message: Any) -> None:
-        """Take one datagram; a beat is counted, what viewers draw is published."""
+        """Take one datagram; count a beat, publish what viewers draw."""
         super().take(message)
         live = self.report.live
         if isinstance(message, Arrived):
@@ -112,7 +112,7 @@ class RobotControlShell(ControlShell):
             live.passes(None if charge is None else charge.site)
 
     def adopt(self, _now: float) -> None:
-        """Take settings that the cloud offers, when they were answered; in force when accepted (deciding thread)."""
+        """Adopt the cloud's offered settings if they were accepted, once they were answered (deciding thread)."""
         present = self.tuned.present
         self.note_settings()
         self.process.adopt(present.settings(), present.input_specs())
@@ -122,7 +122,7 @@ class RobotControlShell(ControlShell):
         self.send_notes()
 
     def note_settings(self) -> None:
-        """Note in the audit trail what became of an offer, once, and a pin that came with it."""
+        """Record in the audit trail the answer to an offer, once, and a pin that came with it."""
         judgement, pin = self.tuned.judgement, str(self.tuned.present["pin"])
         answered = (self.tuned.judged, judgement.reason.value)
         if answered == self.answered:
@@ -141,7 +141,7 @@ class RobotControlShell(ControlShell):
             self.audited_pin = pin
 
     def note_certificate(self) -> None:
-        """Note in the audit trail that the robot dials with another certificate."""
+        """Record in the audit trail that the robot dials with another certificate."""
         found = self.certificate.credential
         if found.serial in ("", self.serial):
             return
@@ -150,13 +150,13 @@ class RobotControlShell(ControlShell):
         self.serial = found.serial
 
     def send_limits(self) -> None:
-        """Send limits that the other processes keep: at changes, and again because they may be new."""
+        """Send the other processes their limits: at changes, and repeatedly because a process may be new."""
         limits = self.tuned.limits()
         for process in ("collector", "data"):
             self.bus.send(process, limits)
 
     def take_notes(self, message: Notes, now: float) -> None:
-        """Take notes of the cloud that the pulse hears."""
+        """Take notes of the cloud that the pulse receives."""
         if message.incarnation != self.process.robot.link.peer:
             return
         if self.process.announce_leaving(self.tuned.take(message.text), now + LEAVING_S):
@@ -167,7 +167,7 @@ class RobotControlShell(ControlShell):
         self.process.veto("cloud", heard.vetoes)
 
     def send_notes(self) -> None:
-        """Send our notes for the cloud."""
+        """Send the robot's notes to the cloud."""
         robot = self.process.robot
         decided = robot.decided
         message = self.explained(decided.reason, decided.message)
@@ -183,7 +183,7 @@ class RobotControlShell(ControlShell):
         self.bus.send("data", Notes(self.incarnation, text))
 
     def turned(self, now: float) -> None:
-        """Write the recording; end an override whose time is over."""
+        """Write the recording; end an override that has expired."""
         if self.recorder is not None:
             self.recorder.flush(now)
         if self.override.expire():
@@ -255,7 +255,7 @@ class RobotControlShell(ControlShell):
     # -- reports ------------------------------------------------------------------------------------------------------
 
     def publish_report(self, now: float) -> None:
-        """Publish diagnostics and network status, and make the slow checks."""
+        """Publish diagnostics and network status, and run the slow checks."""
         process = self.process
         self.report.publish_network_status(process.sustained())
         decided = process.robot.decided
@@ -350,7 +350,7 @@ class RobotControlShell(ControlShell):
         self.bus.send("data", Reported(robot_report.encode(self.incarnation, plain, lists)))
 
     def compare_parameters(self) -> None:
-        """Report parameters that differ between the replicas; they hinder the policy's way to the cloud."""
+        """Report parameters that differ between the replicas; they keep the policy from choosing the cloud."""
         process = self.process
         resting = process.robot.preparation is None  # a side that gets ready may declare some more at any moment
         alike = [name for name, state in process.node_states() if resting and process.replicas.get(name) == state]

@@ -16,7 +16,7 @@ from robot_offload_core.data.cloud import CloudDataProcess
 
 
 class CloudDataShell(DataShell):
-    """See the module."""
+    """The cloud's data process in its shell."""
 
     process: CloudDataProcess
 
@@ -55,7 +55,7 @@ class CloudDataShell(DataShell):
         self.process.watch(name)
 
     def publish_output(self, index: int, payload: Any) -> None:
-        """Publish to consumers in the cloud, as soon as the type is known."""
+        """Publish to consumers in the cloud, once the type is known."""
         output = self.configuration.outputs[index]
         key = f"public {output.name}"
         if key not in self.publishers:
@@ -73,14 +73,14 @@ class CloudDataShell(DataShell):
             self.fills[index].publish(payload)
 
     def _look_for_twins(self) -> None:
-        """Note several processes that publish the private topic of one output here."""
+        """Record outputs whose private topic several processes publish here."""
         for twins, output in zip(self.twins, self.configuration.outputs, strict=True):
             topic = output["cloud_topic"]
             found = [raw.endpoint(info) for info in self.node.get_publishers_info_by_topic(topic)]
             self.process.note(f"twins {output.name}", rivals.twins_problem(topic, twins.look(found, now_s())))
 
     def _resolve_shared(self) -> None:
-        """Subscribe to the public topics of shared outputs, make what fills their private ones."""
+        """Subscribe to the public topics of shared outputs; create the publishers of their private ones."""
         for index, heard in self.shared.items():
             heard.resolve()
             output = self.configuration.outputs[index]
@@ -100,16 +100,16 @@ class CloudDataShell(DataShell):
         return publisher is not None
 
     def input_type(self, name: str) -> str:
-        """Return the type under which an input is published, with the hash that it has here; "" not yet."""
+        """Return the type under which an input is published, with its hash here; "" if it is not published yet."""
         return self.published_types.get(name, "")
 
     def input_types(self) -> dict[str, str]:
-        """Return the names of the types of the inputs: declared, else as the robot says now."""
+        """Return the names of the types of the inputs: as declared, else as the robot reports now."""
         said = {name: of.partition(" ")[0] for name, of in self.process.known_types.items()}
         return {**said, **self.declared_types}
 
     def resolve(self) -> bool:
-        """Make publishers of inputs whose type is known, subscribe to outputs that are published."""
+        """Make publishers of inputs whose type is known; subscribe to outputs that are published."""
         resolved = []
         for subscription in [*self.outputs, *self.watched]:
             resolved.append(subscription.resolve())
@@ -135,7 +135,7 @@ class CloudDataShell(DataShell):
         return all(resolved) and (not self.carried or self.publishers.keys() >= self.inputs.keys())
 
     def _publishes(self, name: str, type_name: str) -> bool:
-        """Return whether an input is published under its type; a publisher of another type is taken away."""
+        """Return whether an input is published under its type; remove a publisher of another type."""
         if name not in self.publishers:
             return False
         if self.published_types[name].partition(" ")[0] == type_name:
@@ -147,7 +147,7 @@ class CloudDataShell(DataShell):
         return False
 
     def on_room(self, channel: str) -> None:
-        """Do nothing: what the cloud says does not wait."""
+        """Do nothing: the cloud's messages do not wait."""
 
     def types(self) -> dict[str, str]:
         """Return the types of the outputs that have been found in the graph."""

@@ -1,4 +1,4 @@
-"""The parameters of state: reads those of the nodes here while this side holds, sets those of the holder otherwise.
+"""The parameters of state: reads those of the nodes here while this side holds, otherwise sets the holder's here.
 
 A thread of its own waits for the nodes' parameter services, so that no topic waits for them.
 """
@@ -27,18 +27,18 @@ from robot_offload_core.data.states import StateProcess
 from robot_offload_core.words.declared import ParameterState
 
 HOLDER_READ_S = 2.0
-"""How often the holder's parameters are read; a change is announced by its node and read at once."""
+"""Interval at which the holder's parameters are read; a change is announced by its node and read at once."""
 STANDBY_READ_S = 5.0
-"""How often a standby's are compared again: somebody may have set them there."""
+"""Interval at which a standby's are compared again: another program may have set them there."""
 HASTY_S = 0.2
 """The same while a node does not answer."""
 CALL_S = 1.0
-"""A node without an answer for so long does not answer."""
+"""A node without an answer for this long counts as not answering."""
 
 
 @dataclass(frozen=True)
 class _Done:
-    """What came of a wish; it is looked after again from `due_s` on."""
+    """The result of a wish, which is checked again from `due_s` on."""
 
     wish: tuple[bytes, bool]
     refused: str
@@ -54,7 +54,7 @@ class _Services:
         self._set = node.create_client(SetParameters, f"{full}/set_parameters")
 
     def read(self, wanted: Callable[[str], bool]) -> dict[str, Value] | None:
-        """Return the parameters whose names are wanted; None when the node does not answer."""
+        """Return the requested parameters; None if the node does not answer."""
         answer = _call(self._list, ListParameters.Request())
         if answer is None:
             return None
@@ -75,7 +75,7 @@ class _Services:
 
 
 class ParameterCopies:
-    """The nodes that are named, of all entries of state; begins its threads at once."""
+    """The nodes named in all entries of state; its threads begin at once."""
 
     def __init__(self, configuration: Configuration, states: dict[str, ParameterState], process: StateProcess) -> None:
         self.side, self.states, self.process = configuration.side, states, process
@@ -93,7 +93,7 @@ class ParameterCopies:
         threading.Thread(target=self._work, name="copies", daemon=True).start()
 
     def wish(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Set what is due while the declaring node is Active or not; return what was refused, None: not yet."""
+        """Set what is due, given whether the declaring node is Active; return what was refused, None: not yet."""
         with self.lock:
             if self.wishes.get(name) != (payload, active):
                 self.wishes[name] = payload, active
@@ -106,7 +106,7 @@ class ParameterCopies:
             self.wake.set()
 
     def _work(self) -> None:
-        """Read or set what is due, again and again (a thread of its own)."""
+        """Read or set what is due, repeatedly (a thread of its own)."""
         wait_s = HOLDER_READ_S
         while context.is_up():
             self.wake.wait(wait_s)
@@ -144,9 +144,10 @@ class ParameterCopies:
         return self.services[node].read(partial(self._counts, name, node))
 
     def _set(self, name: str, payload: bytes, *, again: bool) -> str | None:
-        """Set what differs; return what was not taken, None when a node does not answer.
+        """Set what differs; return what was refused, None if a node does not answer.
 
-        With `again` also what was set before and is equal: a node that has just become Active may not have heard that.
+        With `again` set equal values that were set before, too: a node that has just become Active may not have got
+        them.
         """
         refused: list[str] = []
         for node, wanted in (parameter_values.decode(payload) or {}).items():
@@ -177,7 +178,7 @@ def _nodes(state: ParameterState) -> Iterable[str]:
 
 
 def _call(client: Any, request: Any) -> Any:
-    """Return the answer; None when there is none in time."""
+    """Return the answer; None if there is none in time."""
     if not client.service_is_ready():
         return None
     answered = threading.Event()
@@ -204,7 +205,7 @@ def _field(kind: int) -> str:
 
 
 def _given(kind: int, held: Any) -> ParameterValue:
-    """Return a carried value as ROS has it."""
+    """Return a carried value in the form of ROS."""
     if kind == Type.BYTE_ARRAY:
         held = [bytes([it]) for it in held]
     return ParameterValue(type=kind, **{_field(kind): held})

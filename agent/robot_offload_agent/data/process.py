@@ -27,10 +27,10 @@ from robot_offload_core.words.declared import Priority
 log = logging.getLogger(__name__)
 
 SLACK_S = 0.010
-"""What is due waits so long for a datagram to come with: waking up costs more than what is done then."""
+"""How long due work waits for a datagram to be done with: waking up costs more than the work."""
 UNRESOLVED_S = 0.2
 RESOLVED_S = 1.0
-"""How often the graph is looked at, while something is missing and otherwise."""
+"""Intervals of the looks at the graph: while something is missing, and otherwise."""
 CARRYING = ("in", "out")
 """Kinds of channels that carry a topic from one side to the other."""
 PROBE = Channel("probe", reliable=False, urgent=True)
@@ -61,7 +61,7 @@ def channels(configuration: Configuration) -> list[Channel]:
 
 
 def plan(configuration: Configuration, rates_hz: dict[str, float]) -> DataPlan:
-    """Return what the core's data process needs of the configuration; `rates_hz`: in force for each input."""
+    """Return the part of the configuration that the core's data process needs; `rates_hz`: in force for each input."""
     return DataPlan(
         tuple(
             InputPlan(
@@ -143,7 +143,7 @@ class DataShell(ABC):
                 self.states.process.turn()
 
     def look_who_is_heard(self) -> None:
-        """Take the newest beat of the partner, for what is sent next."""
+        """Take the partner's newest beat, for what is sent next."""
         news = self.heard.news()
         if news is not None:
             self.process.handle(news)
@@ -174,7 +174,7 @@ class DataShell(ABC):
         return self.bus.send(to, message)
 
     def renew(self, to: str, message: object) -> bool:
-        """Send a level that has not changed to another process of this agent."""
+        """Send an unchanged level to another process of this agent."""
         return self.bus.renew(to, message)
 
     def carry(self, to: str, kind: bytes, index: int, header: bytes, payload: Any) -> bool:
@@ -213,7 +213,7 @@ class DataShell(ABC):
 
     @abstractmethod
     def on_room(self, channel: str) -> None:
-        """Take that a channel has room again, on a thread of the link."""
+        """Take the news, on a thread of the link, that a channel has room again."""
 
     @abstractmethod
     def types(self) -> dict[str, str]:

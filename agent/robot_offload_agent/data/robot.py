@@ -13,7 +13,7 @@ from robot_offload_core.data.robot import RobotDataProcess
 
 
 class RobotDataShell(DataShell):
-    """See the module."""
+    """The robot's data process in its shell."""
 
     process: RobotDataProcess
 
@@ -27,7 +27,7 @@ class RobotDataShell(DataShell):
         ]
 
     def resolve(self) -> bool:
-        """Subscribe to inputs that have got a publisher; return whether nothing is left to do."""
+        """Subscribe to inputs that now have a publisher; return whether nothing is left to do."""
         resolved = [subscription.resolve() for subscription in self.inputs]
         for subscription in self.inputs:
             self.process.note(f"input {subscription.spec.name}", subscription.problem)
@@ -40,7 +40,7 @@ class RobotDataShell(DataShell):
         self.process.forward(spec.name, payload, publishers, published_s)
 
     def on_room(self, channel: str) -> None:
-        """Send what waits of an input."""
+        """Send the waiting messages of an input."""
         kind, _, name = channel.partition("/")
         if kind == "in":
             with self.guard:

@@ -1,6 +1,6 @@
-"""The state of nodes: what a node here says of it is heard, what its replica said is published for it.
+"""The state of nodes: what a node here publishes is read; what its replica published is published for it.
 
-A snapshot: `~/offload/state` is heard, `~/offload/restore` is published, latched. A topic: the node's own is heard, the
+A snapshot: `~/offload/state` is read, `~/offload/restore` is published, latched. A topic: the node's own is read, the
 private name of `restore` is published, to a node that listens. Parameters: `copies`.
 """
 
@@ -73,13 +73,13 @@ class StateTopics:
         self.node.create_subscription(UInt8MultiArray, f"{full}/offload/state", hear, HEARD, raw=True)
 
     def _source(self, state: TopicState) -> str:
-        """Return the topic that the node here publishes: the private one where it is an output too."""
+        """Return the topic that the node here publishes: the private one if it is an output too."""
         outputs = self.configuration.outputs
         private = (str(o[f"{self.side}_topic"]) for o in outputs if o["topic"] == state.topic)
         return next(private, state.topic)
 
     def resolve(self) -> bool:
-        """Hear topics that have got a publisher, make publishers whose type is known; return whether all are."""
+        """Subscribe to topics that have a publisher, make publishers whose type is known; return whether all are."""
         resolved = True
         for name, heard in self.heard.items():
             state = self.states[name]
@@ -97,7 +97,7 @@ class StateTopics:
         return types.pop() if len(types) == 1 else ""
 
     def restore(self, name: str, payload: bytes) -> bool:
-        """Publish a state for this side's node; a topic's only when somebody listens."""
+        """Publish a state for this side's node; a topic's only if there is a subscriber."""
         publisher = self.publishers.get(name)
         if publisher is None or (name in self.heard and not publisher.get_subscription_count()):
             return False
@@ -105,7 +105,7 @@ class StateTopics:
         return True
 
     def has(self, name: str) -> bool:
-        """Return whether a reader has acknowledged the newest snapshot; True where the middleware cannot say so."""
+        """Return whether a reader has acknowledged the newest snapshot; True if the middleware cannot report that."""
         publisher = self.publishers[name]
         try:
             return bool(publisher.get_subscription_count()) and publisher.wait_for_all_acked(AT_ONCE)
@@ -117,5 +117,5 @@ class StateTopics:
         return self.copies.wish(name, payload, active) if self.copies is not None else None
 
     def holder(self) -> Holding:
-        """Return who holds."""
+        """Return the holder."""
         return self.view.look()

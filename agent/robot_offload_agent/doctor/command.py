@@ -1,4 +1,4 @@
-"""`robot-offload-agent doctor --params FILE`: looks for what would bite on this robot, and names the next step."""
+"""`robot-offload-agent doctor --params FILE`: looks for problems on this robot and names the next step."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def main(words: list[str]) -> int:
 
 
 def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
-    """Look at everything; take some seconds. Raise ConfigurationError for values that no link can be opened with."""
+    """Look at everything; take some seconds. Raise ConfigurationError for values with which no link can be opened."""
     yield from _versions()
     yield from machine.judge(machine.look(), configuration)
     yield from machine.certificates(configuration)
@@ -67,7 +67,7 @@ def examine(configuration: Configuration, *, dial: bool) -> Iterator[Finding]:
 
 
 def _versions() -> Iterator[Finding]:
-    """Yield what runs here, to be compared with the cloud's image; programs of one version are made for each other."""
+    """Yield the versions here, to be compared with the cloud's image; only programs of one version work together."""
     found = [f"Python {platform.python_version()}"]
     for name in ("robot-offload-agent", "robot-offload-core", "eclipse-zenoh"):
         try:

@@ -1,4 +1,4 @@
-"""What the doctor finds, and how findings are shown."""
+"""Findings of the doctor, and how they are shown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Level(str, Enum):
 
 
 class Check(str, Enum):
-    """What the doctor looks at; a word never changes its meaning."""
+    """What the doctor checks; a word never changes its meaning."""
 
     BONDS = "Bonds"
     CERTIFICATES = "Certificates"
@@ -52,13 +52,13 @@ class Check(str, Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """One thing that was checked.
 
     Attributes:
-        check: what was looked at.
+        check: what was checked.
         level: how much it matters.
         message: what was seen.
-        step: what to do next; empty where nothing needs to be done.
+        step: what to do next; empty if nothing needs to be done.
     """
 
     check: Check
@@ -68,7 +68,7 @@ class Finding:
 
 
 def exit_code(findings: Iterable[Finding]) -> int:
-    """Return 1 when an error is among the findings, else 0."""
+    """Return 1 if an error is among the findings, else 0."""
     return int(any(finding.level is Level.ERROR for finding in findings))
 
 
@@ -78,7 +78,7 @@ def as_json(findings: Sequence[Finding]) -> str:
 
 
 def as_text(findings: Sequence[Finding]) -> str:
-    """Return the findings for people: what needs a hand first, what is fine in one line, what is in flight."""
+    """Return the findings as text: first what needs action, then what is fine in one line, then what is in flight."""
     order = [Level.ERROR, Level.WARNING, Level.UNKNOWN]
     lines = []
     for finding in sorted((f for f in findings if f.level is not Level.OK), key=lambda f: order.index(f.level)):

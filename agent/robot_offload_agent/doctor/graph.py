@@ -18,9 +18,9 @@ from robot_offload_core.fence.token import Site
 DISCOVERY_S = 3.0
 """How long the nodes of this network need to be found, at least."""
 QUIET_S = 1.0
-"""All are found when nothing new has come up for so long."""
+"""All are found when nothing new has come up for this long."""
 LATE_S = 20.0
-"""How long a busy robot may take for that; a graph that changes all the time is looked at then."""
+"""Limit of the search on a busy robot; a graph that never stops changing is read then."""
 ANSWER_S = 10.0
 OWN_NODES = ("offload_collector", "offload_control_robot", "guardian", "network_monitor", "cloud_switcher")
 PLACEMENT_STATUS = "robot_offload robot: placement"
@@ -29,7 +29,7 @@ DATA_STATUS = "robot_offload robot: data"
 MAX_DIGITS = 18
 NAVIGATOR = "bt_navigator"
 SERVER_TIMEOUT = "default_server_timeout"
-"""How long Nav2's behaviour tree waits for the answer to a goal or a service call, ms; 20 by default
+"""Nav2's behaviour tree waits this long for the answer to a goal or a service call, ms; 20 by default
 (nav2_behavior_tree, bt_action_node.hpp)."""
 
 
@@ -41,11 +41,11 @@ class Graph:
         nodes: full names of all nodes.
         publishers: topic -> full names of the nodes that publish it.
         managers: managed node -> full names of others that call its lifecycle services.
-        undeclared: duplicated node -> what it does beyond what is declared; only nodes that run.
+        undeclared: duplicated node -> what it does beyond its declaration; only nodes that run.
         server_timeout_ms: Nav2's; None: there is no bt_navigator, or it does not answer.
-        release: of the robot's agent that runs; "": none runs, or it does not say.
-        cloud_release: of the cloud's agent, as the robot's says; "": it was not heard yet.
-        counted: what the robot's agent counts, by name; empty: none runs, or it has not said.
+        release: of the running robot agent; "": none runs, or it does not report it.
+        cloud_release: of the cloud's agent, as the robot's reports; "": it was not heard yet.
+        counted: the robot agent's counters, by name; empty: none runs, or it has not reported.
         problem: why nothing could be seen; empty: it could.
     """
 
@@ -70,7 +70,7 @@ def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> I
 
     Args:
         configuration: of this side.
-        find: imports one type by its name and raises an exception that says how to get it.
+        find: imports one type by its name and raises an exception that states how to get it.
     """
     served = (getattr(configuration, group) for group in SERVED)
     declared = itertools.chain(configuration.outputs, configuration.inputs, *served)
@@ -89,7 +89,7 @@ def missing_types(configuration: Configuration, find: Callable[[str], Any]) -> I
 
 
 def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
-    """Return what will bite in the robot's graph. Pure."""
+    """Return the problems in the robot's graph. Pure."""
     if graph.problem:
         step = "Source ROS 2 in this shell, then start doctor again."
         yield Finding(Check.ROS_GRAPH, Level.UNKNOWN, f"the ROS graph cannot be seen: {graph.problem}", step)
@@ -106,7 +106,7 @@ def judge(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
 
 
 def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iterator[Finding]:
-    """Report which goals and call are open, how often a goal began anew, and how old handed-over state was."""
+    """Report open goals and calls, how often a goal began anew, and how old handed-over state was."""
     found = []
     for action in (spec["name"] for spec in configuration.actions):
         running, waiting, resent = (counted.get(f"{action}.{word}", 0) for word in IN_FLIGHT)
@@ -125,7 +125,7 @@ def _in_flight(counted: Mapping[str, int], configuration: Configuration) -> Iter
 
 
 def _releases(graph: Graph) -> Finding:
-    """Return both sides' releases: beats, notes and envelopes of one are made for each other."""
+    """Return both sides' releases: beats, notes and envelopes are compatible only within one release."""
     if not graph.release or not graph.cloud_release:
         message = "the cloud's agent was not heard" if graph.release else "no agent of this robot was heard"
         step = "Start doctor again while the robot's agent runs and is connected: then both releases are compared."
@@ -200,7 +200,7 @@ def _timeouts(graph: Graph, configuration: Configuration) -> Iterator[Finding]:
 
 
 def look(configuration: Configuration) -> Graph:
-    """Look at the robot's graph for some seconds: read-only, as a node of its own that offers nothing."""
+    """Look at the robot's graph for some seconds, read-only, with a separate node that offers nothing."""
     try:
         # Late: without a sourced ROS 2 all other checks still run.
         import rclpy  # noqa: PLC0415
@@ -227,7 +227,7 @@ def look(configuration: Configuration) -> Graph:
 
 
 def _diagnostics(node: Any) -> dict[str, dict[str, str]]:
-    """Return what the robot's agent says of who acts, and what it counts; both come while the node is spun."""
+    """Return the robot agent's diagnostics: who acts, and counters; both arrive while the node is spun."""
     from diagnostic_msgs.msg import DiagnosticArray  # noqa: PLC0415 - see look
 
     told: dict[str, dict[str, str]] = {PLACEMENT_STATUS: {}, DATA_STATUS: {}}
@@ -242,12 +242,12 @@ def _diagnostics(node: Any) -> dict[str, dict[str, str]]:
 
 
 def _is_count(word: str) -> bool:
-    """Return whether a value is a count; a name on /diagnostics belongs to nobody, so anything may stand there."""
+    """Return whether a value is a count; any program may use a name on /diagnostics, so the value may be anything."""
     return word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
 
 
 def _discover(node: Any, executor: Any, told: Mapping[str, Mapping[str, str]]) -> None:
-    """Wait until nothing new is found and the robot's agent, if one runs, has spoken of everything."""
+    """Wait until nothing new is found and the robot's agent, if one runs, has reported everything."""
     began_s = changed_s = now_s()
     found: object = None
     while (now := now_s()) < began_s + LATE_S:

@@ -23,7 +23,7 @@ LEAST_RECEIVE_BUFFER = 2 << 20
 """Two raw 640x480 images; one is 0.9 MB and comes in one burst."""
 GOOD_RECEIVE_BUFFER = 8 << 20
 REALTIME_PRIORITY = 20
-"""What the bundle's unit grants; the agent asks for less."""
+"""The priority that the bundle's unit grants; the agent asks for less."""
 SYS_NICE = 23
 """Bit of CAP_SYS_NICE in a capability set (linux/capability.h)."""
 UNSYNCHRONISED = 0x40
@@ -34,7 +34,7 @@ CLOCK_STEP = "sudo apt install chrony; `chronyc tracking` shows the offset."
 
 
 class _Timex(ctypes.Structure):
-    """The beginning of the kernel's struct timex; the rest is room."""
+    """The beginning of the kernel's struct timex; the rest is padding."""
 
     _fields_ = (
         ("modes", ctypes.c_uint), ("offset", ctypes.c_long), ("freq", ctypes.c_long), ("maxerror", ctypes.c_long),
@@ -47,12 +47,12 @@ class Machine:
     """What was seen of this computer.
 
     Attributes:
-        clock_error_s: by how much the clock may be wrong; None: nobody sets it, or the kernel does not say.
+        clock_error_s: possible error of the clock; None: no program sets it, or the kernel does not report it.
         open_files: file descriptors that one process may have.
         realtime: the highest real-time priority that this user's processes may take.
-        receive_buffer: bytes that a socket may ask for; None: the system does not say.
+        receive_buffer: bytes that a socket may ask for; None: the system does not report it.
         environment: variables of this shell.
-        records: the library is installed with which changeovers are recorded.
+        records: the library that records changeovers is installed.
     """
 
     clock_error_s: float | None
@@ -64,7 +64,7 @@ class Machine:
 
 
 def look() -> Machine:
-    """Look at this computer; ask nobody else and change nothing."""
+    """Look at this computer only; change nothing."""
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     realtime, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     unlimited = realtime == resource.RLIM_INFINITY or _may_nice()
@@ -83,7 +83,7 @@ def look() -> Machine:
 
 
 def judge(machine: Machine, configuration: Configuration) -> Iterator[Finding]:
-    """Return what will bite on this computer. Pure."""
+    """Return the problems of this computer. Pure."""
     yield _clock(machine.clock_error_s, configuration["max_clock_offset_ms"] / 1e3)
     yield _files(machine.open_files)
     yield _realtime(machine.realtime, configuration["realtime"])
@@ -173,7 +173,7 @@ def _buffer(size: int | None) -> Finding:
 
 
 def _environment(environment: Mapping[str, str], domain: int) -> Iterator[Finding]:
-    """Yield the shell's ROS settings against those of the configuration."""
+    """Yield differences between the shell's ROS settings and the configuration."""
     step = "Source ROS 2 and load the bundle's file `environment`: set -a; . ./environment; set +a"
     if "ROS_DISTRO" not in environment:
         yield Finding(
@@ -194,7 +194,7 @@ def _environment(environment: Mapping[str, str], domain: int) -> Iterator[Findin
 
 
 def _clock_error_s() -> float | None:
-    """Return how wrong the clock may be by the kernel's own estimate (adjtimex, read only)."""
+    """Return the kernel's own estimate of the clock's error (adjtimex, read only)."""
     timex = _Timex()
     try:
         state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))

@@ -17,7 +17,7 @@ from robot_offload_agent.settings.parameters import Configuration
 PATIENCE_S = 2.0
 TRIES = 3
 UNKNOWN_VERSION = bytes.fromhex("0a1a2a3a")
-"""A QUIC version of the pattern that no server speaks; each answers with those that it does (RFC 9000, 6.1 and 15)."""
+"""A QUIC version of the pattern that no server supports; a server answers with its versions (RFC 9000, 6.1 and 15)."""
 LEAST_INITIAL = 1200
 """A server drops a shorter first packet (RFC 9000, 14.1)."""
 _ENDPOINT = re.compile(r"(quic|tls)/(\[[^\]]+\]|[^/:?#]+):(\d+)")
@@ -42,7 +42,7 @@ class Endpoint:
 
 
 def endpoints(configuration: Configuration) -> Iterator[Endpoint]:
-    """Return what this robot dials, each once."""
+    """Return each endpoint that this robot dials, once."""
     if configuration["link.type"] != "zenoh":
         return
     seen = set()
@@ -56,7 +56,7 @@ def endpoints(configuration: Configuration) -> Iterator[Endpoint]:
 
 
 def judge(reached: list[tuple[Endpoint, str]]) -> Iterator[Finding]:
-    """Return whether the cloud can be reached; one way of the two is enough. Pure.
+    """Return whether the cloud can be reached; one of the two ways is enough. Pure.
 
     Args:
         reached: each endpoint and its problem; empty: it answered.
@@ -80,7 +80,7 @@ def judge(reached: list[tuple[Endpoint, str]]) -> Iterator[Finding]:
 
 
 def reach(endpoint: Endpoint, own: tuple[str, str] | None = None, patience_s: float = PATIENCE_S) -> str:
-    """Return why an endpoint does not answer; empty: it does. Opens no session.
+    """Return why an endpoint does not answer; empty: it does. Open no session.
 
     Args:
         endpoint: where the robot dials.
@@ -119,7 +119,7 @@ def _asked(opened: socket.socket, patience_s: float) -> str:
 
 
 def _greeted(opened: socket.socket, own: tuple[str, str] | None) -> str:
-    """Greet a TLS server; that it then refuse a client without certificate is an answer, too."""
+    """Greet a TLS server; if it then refuses a client without certificate, that is an answer, too."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     if own is not None:

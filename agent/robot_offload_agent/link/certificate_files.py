@@ -1,4 +1,4 @@
-"""What can be said of certificate files without a network."""
+"""Checks of certificate files without a network."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ LINK_NODE_IDLE_S = 60.0
 
 
 class LinkHandle:
-    """A link with whatever must run beside it (a spinning node for DDS when the process has none)."""
+    """A link with whatever must run beside it (a spinning node for DDS if the process has none)."""
 
     def __init__(self, link: Link, node: Node | None = None) -> None:
         self.link = link
@@ -39,7 +39,7 @@ class LinkHandle:
             ).start()
 
     def ended(self) -> bool:
-        """Return whether the node that is spun here was told to end."""
+        """Return whether the node that is spun here was ordered to end."""
         return self.node is not None and not rclpy.ok()
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
@@ -63,7 +63,7 @@ def open_link(
     node: Node | None = None,
     on_room: OnRoom = no_room,
 ) -> LinkHandle:
-    """Make the link of the configured type; `node` is used for DDS when given, else one is made and spun here.
+    """Make the link of the configured type; `node` is used for DDS if given, else one is made and spun here.
 
     Raises:
         ConfigurationError: a certificate file is missing.

@@ -1,8 +1,8 @@
 """Messages too large to be put at once cross in chunks, a window of them at a time. Pure: time is passed in.
 
-The wheel drops a message when a part of it finds no room in its queue for 40 ms. The queue holds 1 MB, so on loopback
-that was the end of 16 MB, and on 100 Mbit/s of everything above 1.5 MB. Put at once, such a message would also be a
-queue that all others wait in.
+The wheel drops a message if a part of it finds no room in its queue for 40 ms. The queue holds 1 MB, so this happened
+to 16 MB on loopback and to everything above 1.5 MB on 100 Mbit/s. Put at once, such a message would also be a queue in
+which all others wait.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ WHOLE_BYTES = 1_020_000
 CHUNK_BYTES = 60_000
 """One batch of the wheel with its key and attachment."""
 LARGEST_BYTES = 17 << 20
-"""What is put together at most: the largest message that the agent hands over, and what surrounds it."""
+"""Most bytes that are put together: the largest message that the agent passes on, and what surrounds it."""
 FIRST_CHUNKS = 4
 LEAST_CHUNKS = 2
 MOST_CHUNKS = 32
 """1.9 MB on their way: 150 Mbit/s at 100 ms."""
 QUEUED_SHARE = 1.5
 QUEUED_S = 0.020
-"""A chunk that takes longer than half as long again as the fastest of its message, and this, has waited in a queue."""
+"""A chunk that takes this much longer than one and a half times the fastest of its message has waited in a queue."""
 STALL_S = 1.0
-"""Without an acknowledgement for so long all are sent again."""
+"""Without an acknowledgement for this long all are sent again."""
 GIVE_UP_S = 10.0
-"""Without one for so long the message is given up. A session over a link that is cut ends before."""
+"""Without one for this long the message is given up. A session over a link that is cut ends before."""
 AT_ONCE = 2
 PLACE = struct.Struct(">IHH")
 """On the wire in front of the header: number of the message, index of the chunk, how many there are."""
@@ -37,12 +37,12 @@ RECEIPT = struct.Struct(">IH")
 
 @dataclass
 class Window:
-    """How many chunks may be on their way: as many as the link carries without a queue that others would wait in.
+    """How many chunks may be on their way: as many as the link carries without a queue in which others would wait.
 
     Attributes:
         size: chunks.
         least_s: shortest time that a chunk of the present message took; 0: not known.
-        shrunk_s: when the window last became smaller; None: it is still found out what the link carries.
+        shrunk_s: when the window last became smaller; None: the capacity of the link is still being measured.
     """
 
     size: float = FIRST_CHUNKS
@@ -50,7 +50,7 @@ class Window:
     shrunk_s: float | None = None
 
     def acknowledged(self, sent_s: float, now_s: float) -> None:
-        """Take what a chunk took: halve the window, once for all that were on their way, or let it grow."""
+        """Take the time of a chunk: halve the window, once for all that were on their way, or let it grow."""
         took_s = now_s - sent_s
         self.least_s = min(took_s, self.least_s) if self.least_s else took_s
         if took_s <= QUEUED_SHARE * self.least_s + QUEUED_S:
@@ -71,7 +71,7 @@ class Outgoing:
         number: of the message.
         header, payload: its content.
         pending: chunks that are still to be sent.
-        waiting: when each that is not acknowledged was sent, oldest first.
+        waiting: when each unacknowledged chunk was sent, oldest first.
         heard_s: when it began, or was last acknowledged.
         repeated_s: when all were last sent again.
     """
@@ -97,14 +97,14 @@ class Outgoing:
 
 @dataclass
 class ChunkSender:
-    """Sends one large message of a channel after the other, never two at a time.
+    """Sends a channel's large messages one after the other, never two at a time.
 
     Attributes:
-        number: of the newest message; begins anywhere, so that a successor's are others.
+        number: of the newest message; begins at a random one, so that a successor's numbers differ.
         window: of the channel.
-        present: on its way.
+        present: the message on its way.
         refused: a message was refused since the channel was free.
-        given_up: messages that nobody acknowledged.
+        given_up: messages that were not acknowledged.
     """
 
     number: int
@@ -124,12 +124,12 @@ class ChunkSender:
         return True
 
     def is_busy(self) -> bool:
-        """Return whether a message is on its way; note that another one was refused for that."""
+        """Return whether a message is on its way; if so, record that another one was refused."""
         self.refused = self.present is not None
         return self.refused
 
     def next(self, now_s: float) -> tuple[bytes, bytes] | None:
-        """Return attachment and payload of the chunk to send now, None while none is to be sent."""
+        """Return attachment and payload of the chunk to send now, None if none is to be sent."""
         message = self.present
         if message is None:
             return None
@@ -150,7 +150,7 @@ class ChunkSender:
     def acknowledged(self, number: int, index: int, now_s: float) -> bool:
         """Take an acknowledgement; return whether there is room again after a refusal. Unknown ones change nothing.
 
-        They come in the order of sending: what was sent before and is still waited for found no room in the queue.
+        They come in the order of sending: an earlier chunk that is still unacknowledged found no room in the queue.
         """
         message = self.present
         if message is None or message.number != number or index not in message.waiting:
@@ -169,11 +169,11 @@ class ChunkSender:
 
 @dataclass
 class Assembly:
-    """Puts the chunks of a channel together: of the newest message, and of one before that comes by another session.
+    """Puts a channel's chunks together: of the newest message, and of an earlier one that comes by another session.
 
     Attributes:
         parts: of messages that are not whole, by number and index.
-        whole: numbers of the newest ones that are.
+        whole: numbers of the newest whole messages.
     """
 
     parts: dict[int, dict[int, bytes]] = field(default_factory=dict)
@@ -183,7 +183,7 @@ class Assembly:
         """Take a chunk; return header and payload of the message that is whole now.
 
         Raises:
-            ValueError: the chunk is none of ours.
+            ValueError: the chunk is not valid.
         """
         if len(attachment) < PLACE.size:
             raise ValueError(f"{len(attachment)} bytes in front of a chunk")
@@ -212,7 +212,7 @@ def read_receipt(payload: bytes) -> tuple[int, int, str]:
     """Return number, index and channel of an acknowledgement.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not an acknowledgement.
     """
     if len(payload) < RECEIPT.size:
         raise ValueError(f"{len(payload)} bytes")

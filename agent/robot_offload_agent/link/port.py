@@ -20,7 +20,7 @@ OnRoom = Callable[[str], None]
 
 
 def no_room(_: str) -> None:
-    """Take the place of an `OnRoom` where nothing waits."""
+    """Serve as an `OnRoom` where nothing waits."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Channel:
 
 
 class LinkCause(Explained):
-    """Why there is no session as it should be."""
+    """Why there is no proper session."""
 
     NONE = "", "All is well"
     NO_SESSION = "NoSession", "A session does not come about, for a cause that is not known", "Read the message"
@@ -90,16 +90,16 @@ class LinkCause(Explained):
 
 @dataclass(frozen=True)
 class LinkStatus:
-    """What a link can say about itself.
+    """The state of a link.
 
     Attributes:
-        connected: a session with the other side is open. It says nothing about freshness: beats do.
+        connected: a session with the other side is open. This does not mean that data are fresh; beats show that.
         endpoint: the endpoint in use or being tried, e.g. `quic/cloud.example:7447`; empty for DDS.
         fallback: the endpoint is the fallback (TLS over TCP), with its longer limits.
         sessions: how many sessions were opened since the start; grows with every reconnect.
-        message: what a person should read: what is wrong, and the next step; empty when all is well.
-        cause: of what `message` says.
-        counters: (name, how often) of what happened since the start and should not.
+        message: the problem and the next step, for people; empty if there is none.
+        cause: of the problem in `message`.
+        counters: (name, count) of what happened since the start and should not.
     """
 
     connected: bool
@@ -118,10 +118,10 @@ class Link(Protocol):
         """Start connecting (robot) or listening (cloud) in the background and return at once."""
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Hand a message to the transport; never blocks longer than about 20 ms.
+        """Pass a message to the transport; never block longer than about 20 ms.
 
         Returns:
-            False when it was certainly not sent (no session, queue full). True promises nothing.
+            False if it was certainly not sent (no session, queue full). True promises nothing.
         """
 
     def status(self) -> LinkStatus:

@@ -5,7 +5,7 @@ robot), its text in `frame_id`: names and type that other tools know. All other 
 on `/offload/link/<sender side>/<channel>`, its data a header length (2 bytes, big-endian), header and payload.
 
 Both are read and written as serialized bytes: converting 10 KiB of uint8[] to Python integers costs milliseconds, and
-bytes that are no message of ours are counted here instead of raising in the executor.
+invalid bytes are counted here instead of raising in the executor.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _CDR = {b"\x00\x00": ">", b"\x00\x01": "<"}  # encapsulations of plain CDR: big-
 
 
 class MalformedError(ValueError):
-    """Bytes that are no message of this link."""
+    """Bytes that are not a message of this link."""
 
 
 # -- serialized messages: OMG CDR as rmw hands it over, 4 bytes of encapsulation, then fields aligned to their size ----
@@ -66,7 +66,7 @@ def decode_beat(serialized: bytes) -> bytes:
     """Return the text in frame_id of a serialized std_msgs/Header; b"" is a bare beat.
 
     Raises:
-        MalformedError: it is none.
+        MalformedError: it is not a Header.
     """
     order = _order(serialized)
     if len(serialized) < 16:
@@ -122,10 +122,10 @@ def _order(serialized: bytes) -> str:
 
 
 def topic(sender_side: str, channel: str) -> str:
-    """Return on which topic a side sends a channel.
+    """Return the topic on which a side sends a channel.
 
     Raises:
-        ConfigurationError: the channel's name is no topic.
+        ConfigurationError: the channel's name is not a valid topic.
     """
     if channel == BEAT:
         return BEAT_TOPICS[sender_side]
@@ -141,14 +141,14 @@ class RosLink:
     DDS has no session: what is buffered for a partner that is away is bounded by the depth (1 for the beat, else 10).
 
     Attributes:
-        malformed: how many messages arrived that are none of ours.
+        malformed: how many invalid messages arrived.
     """
 
     def __init__(self, node: Node, side: str, channels: Sequence[Channel], on_message: OnMessage) -> None:
         """Nothing is created in the graph yet.
 
         Raises:
-            ConfigurationError: the names of channels are no topics, or two of them the same one.
+            ConfigurationError: names of channels are not valid topics, or two of them give the same one.
         """
         self.malformed = 0
         self._node = node
@@ -197,7 +197,7 @@ class RosLink:
         return receive
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Publish; False when nobody is there to hear it.
+        """Publish; return False if there is no subscriber.
 
         Raises:
             KeyError: no such channel.

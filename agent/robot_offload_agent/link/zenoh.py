@@ -1,6 +1,6 @@
 """The agents' own link: one mutually authenticated Zenoh session, dialled by the robot.
 
-Every connection is a session of its own: whatever ends it (lease, `reopen`, the cloud's restart), the robot closes the
+Every connection is a session of its own. Whatever ends it (lease, `reopen`, the cloud's restart), the robot closes the
 session and opens another, so that nothing buffered survives, certificates are read anew and the peer is checked again.
 The cloud's listener stays for the life of the process: a QUIC port that a robot still dials is not free again for half
 a minute after the listener was closed.
@@ -34,11 +34,11 @@ NO_ROBOT = "no robot is connected"
 _CLOSE_S = 0.9
 """How long `close` waits for the session to say goodbye."""
 _SUCCESSION_S = 1.0
-"""How long a second session may stay silent before it takes over from the first all the same."""
+"""How long a second session may stay silent before it takes over from the first anyway."""
 _LOOK_S = 0.5
-"""How often the cloud looks at who is connected."""
+"""Interval at which the cloud checks who is connected."""
 _LOG_S = 0.05
-"""How long after a failed attempt its line in the wheel's log is waited for."""
+"""How long to wait for a failed attempt's line in the wheel's log."""
 _REFUSAL_S = 60.0
 """How long a refused robot stays in the status of a cloud without one."""
 
@@ -64,7 +64,7 @@ class ZenohLink:
             settings: of the link.
             channels: the same as on the other side.
             on_message: see `port.OnMessage`.
-            wheel: where the wheel says why a session was refused; without one that is not known.
+            wheel: the log that states why a session was refused; without it that is not known.
             on_room: see `port.OnRoom`.
 
         Raises:
@@ -92,7 +92,7 @@ class ZenohLink:
         self._counters: Counter[str] = Counter()
         self._change = threading.Condition()
         self._thread: threading.Thread | None = None
-        # What follows is guarded by _change; the sessions may be read without.
+        # The following is guarded by _change; the sessions may be read without.
         self._session: ZenohSession | None = None
         self._successor: ZenohSession | None = None
         self._earlier_sessions = 0
@@ -114,7 +114,7 @@ class ZenohLink:
         self._thread.start()
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Hand a message to the transport; see `port.Link.send`.
+        """Pass a message to the transport; see `port.Link.send`.
 
         Raises:
             KeyError: no such channel.
@@ -132,7 +132,7 @@ class ZenohLink:
         return session.connections > 0 and not self._reopening and not self._is_foreign(session)
 
     def _is_foreign(self, session: ZenohSession) -> bool:
-        """Return whether the cloud at the other end has said that it serves another RobotOffload."""
+        """Return whether the cloud at the other end has stated that it serves another RobotOffload."""
         return session.served_uid not in ("", self.settings.uid)
 
     def status(self) -> LinkStatus:
@@ -152,7 +152,7 @@ class ZenohLink:
             )
 
     def _judge(self, session: ZenohSession | None, connected: bool) -> tuple[LinkCause, str]:
-        """Return what is wrong at present; call with _change held."""
+        """Return the present problem; call with _change held."""
         if self.settings.dials and session is not None and self._is_foreign(session):
             return LinkCause.OTHER_IDENTITY, zenoh_causes.other_identity(self.settings, session.served_uid)
         if connected and self._choice.fallback and self.settings.dials:
@@ -166,12 +166,12 @@ class ZenohLink:
 
     @property
     def malformed(self) -> int:
-        """How many messages arrived so far that are none of ours."""
+        """How many invalid messages arrived so far."""
         with self._change:
             return self._earlier_malformed + (self._session.malformed if self._session is not None else 0)
 
     def reopen(self, reason: str) -> None:
-        """See `port.Link.reopen`. The cloud keeps its listener: it is the robot that comes anew."""
+        """See `port.Link.reopen`. The cloud keeps its listener: the robot connects anew."""
         with self._change:
             if self.settings.dials and self._session is not None and not self._reopening:
                 log.info("Reopened the %s session reason=%s", self.settings.session, reason)
@@ -206,10 +206,10 @@ class ZenohLink:
         self._end_session("closed", wait_s=_CLOSE_S / 2)
 
     def _stay(self) -> None:
-        """Return when the session has ended, for whatever reason."""
+        """Return when the session has ended, for any reason."""
         while True:
             with self._change:
-                # On the fallback the primary is tried again now and then.
+                # On the fallback the primary is tried again from time to time.
                 left_s = self.settings.primary_retry_s if self._choice.fallback else None
                 self._change.wait_for(self._session_over, left_s)
                 if self._session_over():
@@ -225,7 +225,7 @@ class ZenohLink:
         return self._closing or self._session is None or self._session.connections == 0 or bool(self._reopening)
 
     def _begin(self, session: ZenohSession) -> None:
-        """Take a session into use where there is none."""
+        """Use a session where there is none."""
         with self._change:
             self._session = session
             self._reopening = ""
@@ -235,7 +235,7 @@ class ZenohLink:
         log.info("%s the %s session endpoint=%s", what, self.settings.session, self._where(session.fallback))
 
     def _succeed(self, session: ZenohSession) -> None:
-        """Let a second session take the place of the present one once it delivers, so that no silence lies between.
+        """Let a second session replace the present one once it delivers, so that no silence lies between.
 
         The message that shows it may have come by the first as well: one of a channel may be doubled.
         """
@@ -271,7 +271,7 @@ class ZenohLink:
             self._retire(old).join(wait_s)
 
     def _retire(self, session: ZenohSession) -> threading.Thread:
-        """Close a session beside, for closing may hang as long as the network does."""
+        """Close a session in the background, because closing may hang as long as the network does."""
         with self._change:
             self._earlier_sessions += session.opened
             self._earlier_malformed += session.malformed
@@ -296,7 +296,7 @@ class ZenohLink:
         self._end_session("closed", wait_s=_CLOSE_S / 2)
 
     def _look(self, session: ZenohSession, now: float) -> None:
-        """Judge who is connected; a robot that says nothing learns whom this cloud serves."""
+        """Judge who is connected; send a silent robot the uid that this cloud serves."""
         settings = self.settings
         with self._change:
             sessions, strangers = session.connections, session.strangers
@@ -321,7 +321,7 @@ class ZenohLink:
             log.warning("%s", message)
 
     def _handshake_failed(self, found: Found) -> None:
-        """Note that a handshake at a listener of this process failed (thread of the log)."""
+        """Record that a handshake at a listener of this process failed (thread of the log)."""
         message = zenoh_causes.explain(found, self.settings, self._where(fallback=False))
         with self._change:
             self._counters["refused"] += 1
@@ -332,7 +332,7 @@ class ZenohLink:
     # -- both -------------------------------------------------------------------------------------------------------
 
     def _open(self, fallback: bool) -> ZenohSession | None:
-        """Return one attempt; the reason of a failure becomes the status message."""
+        """Make one attempt and return its session; the reason of a failure becomes the status message."""
         where, began_s = self._where(fallback), now_s()
         try:
             session = ZenohSession(self.settings, fallback, self._patience.next_ms(now_s()))

@@ -1,4 +1,4 @@
-"""Why there is no Zenoh session: the wheel's errors do not say, the lines of its log do. Pure.
+"""Why there is no Zenoh session: the wheel's errors do not state it, the lines of its log do. Pure.
 
 The lines are those of eclipse-zenoh 1.10; `tests/ros/test_link_zenoh_causes.py` provokes every one of them.
 """
@@ -26,17 +26,17 @@ _TELLING = (
     LinkCause.CERTIFICATE_REFUSED, LinkCause.WRONG_AUTHORITY, LinkCause.WRONG_NAME, LinkCause.CERTIFICATE_EXPIRED,
     LinkCause.UNKNOWN_NAME, LinkCause.NO_SESSION, LinkCause.NO_ANSWER,
 )  # fmt: skip
-"""What says most first: of several addresses one may be away and another refuse us."""
+"""The most informative first: of several addresses one may be away and another refuse the connection."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What one line of the wheel's log says.
+    """The meaning of one line of the wheel's log.
 
     Attributes:
         cause: of the failure.
         detail: in the wheel's words, short.
-        endpoint: that was dialled; "" for what happened at a listener.
+        endpoint: the dialled one; "" for an event at a listener.
     """
 
     cause: LinkCause
@@ -45,7 +45,7 @@ class Found:
 
 
 def read_line(line: str) -> Found | None:
-    """Return what a line says about a session that did not come about, None for any other line."""
+    """Return the meaning of a line about a session that did not come about, None for any other line."""
     text = _SOURCE.sub("", _COLOURS.sub("", line).strip())
     if (dialled := _DIALLED.search(text)) is not None:
         return Found(_dialled(dialled[2]), _short(dialled[2]), dialled[1])
@@ -79,12 +79,12 @@ def _short(why: str) -> str:
 
 
 def most_telling(found: Iterable[Found]) -> Found | None:
-    """Return the line that says most about why an attempt failed, None without any."""
+    """Return the most informative line on why an attempt failed, None without any."""
     return min(found, key=lambda one: _TELLING.index(one.cause), default=None)
 
 
 def explain(found: Found, settings: ZenohSettings, where: str) -> str:
-    """Return the sentence for people: what is wrong at `where`, and the next step."""
+    """Return the sentence for people: the problem at `where`, and the next step."""
     if settings.dials:
         return f"No {settings.session} session with {where}: {_at_the_robot(found, settings)}"
     refused = found.cause is LinkCause.CERTIFICATE_REFUSED
@@ -120,7 +120,7 @@ def other_identity(settings: ZenohSettings, cloud_uid: str) -> str:
 
 
 def silent_robot(settings: ZenohSettings) -> str:
-    """Return the cloud's sentence about a robot with the right certificate that says nothing to this cloud."""
+    """Return the cloud's sentence about a robot with the right certificate that sends nothing to this cloud."""
     return (
         f"A robot with the certificate of {settings.peer_name} is connected and says nothing under uid {settings.uid}: "
         "its bundle is of an earlier RobotOffload of that name; write the bundle again"

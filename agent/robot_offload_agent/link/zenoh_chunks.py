@@ -1,4 +1,4 @@
-"""The chunks of large messages in one Zenoh session: keys, publishers, the thread that sends; `chunks.py` decides.
+"""The chunks of large messages in one Zenoh session: keys, publishers, the sending thread; `chunks.py` decides.
 
 A chunk is a put under a key of the link's own: its attachment is its place and the header. The receiver acknowledges
 each.
@@ -32,14 +32,14 @@ class Publish(Protocol):
     """Declares a publisher under a key of the session."""
 
     def __call__(self, own_key: str, *, reliable: bool, priority: zenoh.Priority) -> zenoh.Publisher:
-        """Return it."""
+        """Return the publisher."""
 
 
 class ChunkLane:
-    """Sends and receives the large messages of a session; see the module.
+    """Sends and receives the large messages of a session.
 
     Attributes:
-        malformed: how many messages arrived that are none of ours.
+        malformed: how many invalid messages arrived.
     """
 
     def __init__(self, prefix: str, publish: Publish, on_room: Callable[[str], None]) -> None:
@@ -63,12 +63,12 @@ class ChunkLane:
         self._closing = False
 
     def hear(self, declare: Declare, others: str, channels: Collection[str], on_whole: OnWhole) -> Any:
-        """Declare what hears the other side's chunks.
+        """Declare the subscriber of the other side's chunks.
 
         Args:
             declare: declares a subscriber of the session.
             others: prefix of the other side's keys.
-            channels: names of those that there are.
+            channels: names of the existing channels.
             on_whole: called with channel, header and payload of a whole message, on one thread for all channels.
         """
         self._assemblies = {name: Assembly() for name in channels}
@@ -81,11 +81,11 @@ class ChunkLane:
         return declare(f"{others}/{PART}/**", receive)
 
     def hear_receipts(self, declare: Declare, others: str) -> Any:
-        """Declare what hears the other side's acknowledgements."""
+        """Declare the subscriber of the other side's acknowledgements."""
         return declare(f"{others}/{RECEIPTS}", self._acknowledged)
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Take a large message, and send it from a thread of its own; False while another one is on its way."""
+        """Take a large message, and send it from a thread of its own; return False while another one is on its way."""
         with self._change:
             sender = self._senders.get(channel)
             if sender is None:
@@ -100,7 +100,7 @@ class ChunkLane:
         return taken
 
     def is_busy(self, channel: str) -> bool:
-        """Return whether a large message of a channel is on its way: none of it may be overtaken."""
+        """Return whether a large message of a channel is on its way: no part of it may be overtaken."""
         sender = self._senders.get(channel)
         if sender is None:
             return False
@@ -129,7 +129,7 @@ class ChunkLane:
                     return  # the session has ended
 
     def _next(self, channel: str) -> tuple[bytes, bytes] | None:
-        """Return the chunk of a channel that is to be sent now; call with _change held."""
+        """Return the chunk of a channel to send now; call with _change held."""
         sender = self._senders[channel]
         given_up = sender.given_up
         chunk = sender.next(now_s())

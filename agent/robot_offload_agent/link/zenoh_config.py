@@ -1,6 +1,6 @@
 """Settings of a Zenoh session and, from them, keys and configuration: pure, no session is opened here.
 
-Why it is configured this way is measured in docs/decisions/0002-two-zenoh-sessions.md.
+The measurements behind this configuration are in docs/decisions/0002-two-zenoh-sessions.md.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_offload_agent.errors import ConfigurationError
 KEY_PREFIX = "robot_offload"
 MAX_SESSIONS = 6
 """At the cloud: the one in use and the one for large messages, two that take over from them, and two that ended without
-a goodbye and have their lease still, as happens on a path that is cut again and again."""
+a goodbye and still have their lease, as happens on a path that is cut again and again."""
 BULK_BYTES = 1000
 """Header + payload above this do not fit in one QUIC datagram (about 1150 bytes) together with their key."""
 
@@ -35,7 +35,7 @@ _POSITIVE = (
 
 @dataclass(frozen=True)
 class ZenohSettings:
-    """What one side needs to know for one of its two sessions.
+    """Settings of one side for one of its two sessions.
 
     Attributes:
         side: `robot` dials, `cloud` listens.
@@ -48,21 +48,22 @@ class ZenohSettings:
             dials, but by a listener only once: a cloud with new files is started anew.
         private_key: PEM file of its key.
         fallback: TLS over TCP, `tls/host:port`, for networks without UDP; empty for none. The cloud listens on both.
-        peer_name: the common name of the other side's certificate. The cloud lets the sessions of this robot speak
-            and hear, and no others. The robot checks it where `verify_name` is off: the wheel trusts all public
+        peer_name: the common name of the other side's certificate. The cloud lets only the sessions of this robot
+            send and receive. The robot checks it if `verify_name` is off: the wheel trusts all public
             authorities beside `ca`, so without this check any valid certificate of the internet would pass for the
             cloud. So the cloud's must be a name that no public authority certifies, such as one without a dot.
         verify_name: the cloud's certificate must name the host that the robot dials; otherwise it must carry
             `peer_name`.
-        observers: common names of certificates that may listen to everything at the cloud and say nothing; for
+        observers: common names of certificates that may listen to everything at the cloud and send nothing; for
             measurements from outside.
-        lease_ms: a session that hears nothing for this long ends. The end is the only thing that discards stale
-            messages in the transport, so it is short: 500 for the pulse, 1000 for data.
+        lease_ms: a session that receives nothing for this long ends. Only the end discards stale messages in the
+            transport, so it is short: 500 for the pulse, 1000 for data.
         open_timeout_ms: of one attempt to open a session. Opening takes about three round trips.
-        slow_open_timeout_ms: of every second attempt when the others have failed for a while, for slow paths; and how
+        slow_open_timeout_ms: of every second attempt if the others have failed for a while, for slow paths; and how
             long the cloud waits for a robot that has begun to connect.
-        retry_ms: pause between two attempts; with open_timeout_ms it says how long after a cut the session is back.
-        fallback_after_ms: the fallback is tried when two attempts or more in this time got no session, and after
+        retry_ms: pause between two attempts; with open_timeout_ms it determines how long after a cut the session is
+            back.
+        fallback_after_ms: the fallback is tried if two attempts or more in this time got no session, and after
             as long without success again the primary.
         primary_retry_s: how often the primary is tried again while the fallback is in use.
         backlog_ms: bulk (above BULK_BYTES) of a channel is refused while an earlier message of it is on its way
@@ -115,7 +116,7 @@ class ZenohSettings:
 
     @property
     def other_side(self) -> str:
-        """Whose keys are heard."""
+        """The side whose keys are subscribed."""
         return "cloud" if self.dials else "robot"
 
 
@@ -128,7 +129,7 @@ def _check_common_names(parameter: str, *names: str) -> None:
 def _check_endpoint(endpoint: str, protocol: str) -> None:
     found, _, address = endpoint.partition("/")
     if found != protocol:
-        # A plain udp or tcp listener would let anybody in, even beside one that asks for certificates.
+        # A plain udp or tcp listener would admit any client, even beside one that asks for certificates.
         raise ConfigurationError(
             f"endpoint {endpoint!r}: must be {protocol}/HOST:PORT, other protocols are not allowed"
         )
@@ -141,7 +142,7 @@ def key(settings: ZenohSettings, sender_side: str, channel: str) -> str:
     """Return the key under which a side sends a channel.
 
     Raises:
-        ConfigurationError: the channel's name is no key.
+        ConfigurationError: the channel's name is not a valid key.
     """
     if not _CHANNEL.fullmatch(channel):
         raise ConfigurationError(f"channel {channel!r}: use letters, digits, '.', '_', '-', and '/' between words")
@@ -154,7 +155,7 @@ def acknowledgement_key(settings: ZenohSettings, sender_side: str) -> str:
 
 
 UID_KEY = f"{KEY_PREFIX}/_uid"
-"""Under it a cloud says whom it serves, to a robot that is silent under that uid."""
+"""Under this key a cloud states which uid it serves, to a robot that is silent under that uid."""
 
 
 def key_prefix(settings: ZenohSettings, sender_side: str) -> str:
@@ -174,8 +175,8 @@ def session_config(
     `open_timeout_ms` is that of the settings unless given.
 
     Both sessions carry streams and datagrams on one connection (`mixed_rel`): with datagrams alone (`rel=0`) a lost
-    packet may swallow the declaration of a subscriber, and then that direction stays silent for the whole session.
-    Zenoh neither retries nor reconnects: the link does, for only so every connection is checked and read anew.
+    packet may lose the declaration of a subscriber, and then that direction stays silent for the whole session.
+    Zenoh neither retries nor reconnects: the link does, because only so every connection is checked and read anew.
     """
     certified = "connect" if settings.dials else "listen"
     config: dict[str, Any] = {
@@ -218,10 +219,10 @@ def session_config(
 
 
 def access_control(settings: ZenohSettings) -> dict[str, Any]:
-    """Return who may say and hear what in a session; everything else is denied, also queries and liveliness.
+    """Return who may send and receive what in a session; everything else is denied, also queries and liveliness.
 
-    The cloud routes between its clients. Without these rules whoever holds a certificate of the robot, such as a copy
-    of its bundle, speaks to the robot as if it were the cloud, and hears the robot.
+    The cloud routes between its clients. Without these rules any holder of a certificate of the robot, such as a copy
+    of its bundle, could send to the robot as if it were the cloud, and receive the robot's messages.
     """
     prefix = f"{KEY_PREFIX}/{settings.uid}"
 

@@ -1,4 +1,4 @@
-"""The settings of the two Zenoh sessions as the agent's configuration has them; needs neither ROS nor the wheel."""
+"""The settings of the two Zenoh sessions from the agent's configuration; needs neither ROS nor the wheel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robot_offload_agent.link.zenoh_config import ZenohSettings
 from robot_offload_agent.settings.parameters import Configuration, listed
 
 SESSION_LEASE_MS = {"pulse": 500, "data": 1000}
-"""Facts of the wheel: shorter flaps at 5 % loss, longer lets stale samples live on."""
+"""Facts of the wheel: with shorter ones the session flaps at 5 % loss, longer ones let stale samples live on."""
 
 
 def zenoh_settings(configuration: Configuration, session: str) -> ZenohSettings:

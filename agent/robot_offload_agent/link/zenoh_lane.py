@@ -1,10 +1,10 @@
-"""A session of their own for large messages: TLS over TCP, where the robot's TCP bears lost packets.
+"""A separate session for large messages: TLS over TCP, if the robot's TCP bears lost packets.
 
-The wheel's QUIC takes a lost packet for a full link (Cubic) and has no setting for anything else: at 10 ms round trip
+The wheel's QUIC takes a lost packet for a full link (Cubic) and has no other setting: at 10 ms round trip
 0.1 % of lost packets leave it a third of 9 MB/s. The robot's kernel may do better (BBR), and then large messages go
-through its TCP, on the port where the cloud listens for the fallback. They never hold up the small ones: those stay
-where they are. Only where QUIC does not carry them: a narrow link that loses nothing gains nothing. What was
-measured stands in docs/decisions/0010-large-messages.md.
+through its TCP, on the port where the cloud listens for the fallback. They never hold up the small ones, which stay
+where they are. The session is used only if QUIC does not carry them: a narrow link without loss gains nothing. The
+measurements are in docs/decisions/0010-large-messages.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ LARGE_BYTES = 32 * 1024
 """A channel with a message above this is one of large messages: images, point clouds, maps."""
 CONGESTION_CONTROL = Path("/proc/sys/net/ipv4/tcp_congestion_control")
 _KEPT_S = 60.0
-"""How long after the end of a session it is known that QUIC did not carry the large messages."""
+"""How long after the end of a session it is remembered that QUIC did not carry the large messages."""
 _RETRY_S = 1.0
 _LONGEST_RETRY_S = 10.0
 
@@ -42,7 +42,7 @@ def bears_loss() -> bool:
 
 
 class LargeLane:
-    """The robot's session for large messages, opened beside the session over QUIC when that does not carry them."""
+    """The robot's session for large messages, opened beside the session over QUIC if that does not carry them."""
 
     def __init__(self, settings: ZenohSettings, channels: Sequence[Channel], on_room: OnRoom = no_room) -> None:
         """Open nothing yet.
@@ -89,7 +89,7 @@ class LargeLane:
         return session if session is not None and session.connections > 0 else main
 
     def note(self, channel: str, *, sent: bool) -> None:
-        """Note what became of a message: where QUIC carries all of a topic, it stays there."""
+        """Record whether a message was sent: if QUIC carries all of a topic, it stays there."""
         struggle = self._struggles.get(channel)
         if struggle is not None and not self._wanted and struggle.note(now_s(), sent=sent):
             self._want(True)
@@ -113,9 +113,9 @@ class LargeLane:
         self._want(False)
 
     def came_late(self) -> None:
-        """Note that an input was too old in the cloud while the link was there: QUIC did not carry the large ones.
+        """Record that an input was too old in the cloud while the link was there: QUIC did not carry the large ones.
 
-        So the next large message opens the session: to learn that anew from refusals takes seconds.
+        So the next large message opens the session: to learn that again from refusals takes seconds.
         """
         if self._usable and self._struggles:
             with self._change:
@@ -168,12 +168,12 @@ class LargeLane:
         return session
 
     def _use(self, session: ZenohSession, over: Callable[[], bool]) -> None:
-        """Return when the session has ended or is not wanted any more."""
+        """Return when the session has ended or is no longer wanted."""
         log.info("Opened a session for large messages endpoint=%s", ", ".join(self._settings.fallback))
         self._session = session
         self._until(lambda: over() or session.connections == 0)
         self._session = None
-        # Beside, for closing may hang as long as the network does.
+        # In the background, because closing may hang as long as the network does.
         threading.Thread(target=session.close, name="link-large-close", daemon=True).start()
 
     def _ended(self, _: ZenohSession) -> None:

@@ -32,7 +32,7 @@ class WheelLog:
         self._change = threading.Condition()
         self._dialled: deque[tuple[float, Found]] = deque(maxlen=_KEPT)
         self._watchers: list[Callable[[Found], None]] = []
-        # Whoever chooses the level himself wants to see the lines.
+        # A user who sets the level wants to see the lines.
         self._shown = "RUST_LOG" in os.environ
         reading, writing = os.pipe()
         os.set_blocking(writing, False)  # a thread of the wheel must never wait for us
@@ -55,7 +55,7 @@ class WheelLog:
         self._watchers.append(watcher)
 
     def dialled(self, endpoints: tuple[str, ...], since_s: float, wait_s: float) -> list[Found]:
-        """Return what the wheel said about these endpoints since then; wait for the first such line for `wait_s`."""
+        """Return the wheel's lines about these endpoints since then; wait for the first such line for `wait_s`."""
 
         def said() -> list[Found]:
             return [found for t_s, found in self._dialled if t_s >= since_s and found.endpoint in endpoints]

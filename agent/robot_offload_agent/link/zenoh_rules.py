@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 from robot_offload_agent.link.port import LinkCause
 
 LATEST_SHARE = 2.5
-"""Where the newest counts: a message on its way for this many times the shortest time waits for others.
+"""If the newest counts: a message on its way for this many times the shortest time is waiting behind others.
 
 A lost packet is noticed an eighth of a round trip late and costs one more (RFC 9002, section 6.1.2): 2.125 times the
-shortest time on a link that is not full. With 1.5 each lost packet held up the next message as well.
-"""
+shortest time on a link that is not full. With 1.5 each lost packet held up the next message as well."""
 GROWTH = 1.01
 """The shortest time of the past is forgotten at this pace: a link may become longer."""
 
@@ -25,7 +24,7 @@ class EndpointChoice:
     Attributes:
         has_fallback: whether there is anything to choose from.
         patience_s: how long one of the two is tried before it is the other's turn.
-        fallback: what is in use or being tried.
+        fallback: whether the fallback is in use or being tried.
         tries: attempts that failed since the last session or change.
         since_s: when the first of them began.
     """
@@ -37,18 +36,18 @@ class EndpointChoice:
     since_s: float = 0.0
 
     def failed(self, began_s: float, now_s: float) -> bool:
-        """Note an attempt without success; return whether it is the other's turn now."""
+        """Record an attempt without success; return whether it is the other's turn now."""
         if self.tries == 0:
             self.since_s = began_s
         self.tries += 1
-        # Two at least: one attempt may take longer than the patience, and one lost packet is no blocked port.
+        # Two at least: one attempt may take longer than the patience, and one lost packet does not mean a blocked port.
         if not self.has_fallback or self.tries < 2 or now_s - self.since_s < self.patience_s:
             return False
         self.opened(not self.fallback)
         return True
 
     def opened(self, fallback: bool) -> None:
-        """Note what is in use; when that session ends it is what is tried first."""
+        """Record the one in use; when that session ends it is tried first."""
         self.fallback, self.tries = fallback, 0
 
 
@@ -56,13 +55,13 @@ class EndpointChoice:
 class Patience:
     """How long one attempt to open a session may take.
 
-    A short one finds a link that has healed at once, but opening takes about three round trips: on a path of half a
-    second a short one never succeeds. So when short ones have failed for a while, every second one is long.
+    A short one finds a restored link at once, but opening takes about three round trips: on a path of half a
+    second a short one never succeeds. So if short ones have failed for a while, every second one is long.
 
     Attributes:
         short_ms, long_ms: the two lengths.
         short_only_s: how long only short ones are tried; longer than the outages after which speed matters.
-        began_s: when the first of the attempts in a row began that all failed; None: the last one succeeded.
+        began_s: when the first of the present row of failed attempts began; None: the last one succeeded.
         tries: attempts since then.
     """
 
@@ -81,7 +80,7 @@ class Patience:
         return self.long_ms if long else self.short_ms
 
     def succeeded(self) -> None:
-        """Note a session."""
+        """Record a session."""
         self.began_s, self.tries = None, 0
 
 
@@ -89,12 +88,12 @@ class Patience:
 class Struggle:
     """Whether a session carries less of a channel than is put in, although the link is there.
 
-    A cut refuses messages too, but then the session ends. So what counts is how often a refusal was followed by a
+    A cut refuses messages too, but then the session ends. So the class counts how often a refusal was followed by a
     message that was taken again.
 
     Attributes:
-        window_s: in which is counted.
-        enough: how many such turns show it.
+        window_s: time in which they are counted.
+        enough: number of such turns that proves it.
         refused: the newest message was refused.
         turns_s: when messages were taken again.
     """
@@ -105,7 +104,7 @@ class Struggle:
     turns_s: deque[float] = field(default_factory=deque)
 
     def note(self, now_s: float, *, sent: bool) -> bool:
-        """Note what became of a message; return whether the session struggles."""
+        """Record whether a message was sent; return whether the session struggles."""
         if sent and self.refused:
             self.turns_s.append(now_s)
         self.refused = not sent
@@ -116,7 +115,7 @@ class Struggle:
 
 @dataclass(frozen=True)
 class Peer:
-    """Who is connected to the cloud's listener: the common name of the certificate, and `quic` or `tls`."""
+    """A client of the cloud's listener: the common name of its certificate, and `quic` or `tls`."""
 
     name: str
     protocol: str
@@ -137,9 +136,9 @@ class Attendance:
     """Who is connected to the cloud's listener, and whether that is as it should be.
 
     Attributes:
-        changeover_s: how long two sessions of one robot are the changeover from one to the next, or one that ended
-            without a goodbye.
-        silence_s: how long a robot that is connected may say nothing: its beats and probes take 0.1 s.
+        changeover_s: how long two sessions of one robot count as the changeover from one to the next, or as one that
+            ended without a goodbye.
+        silence_s: how long a connected robot may send nothing: its beats and probes take 0.1 s.
         crowded_s, silent_s: since when there have been several sessions, and since when all were silent; None: not.
         received: messages so far, as of `silent_s`.
         seconds: how often there were several sessions for too long.
@@ -154,7 +153,7 @@ class Attendance:
     crowded: bool = False
 
     def look(self, now_s: float, sessions: int, received: int) -> LinkCause:
-        """Return what is wrong with these sessions of the robot's certificate; `received` counts their messages."""
+        """Return the problem of these sessions of the robot's certificate; `received` counts their messages."""
         if sessions == 0 or received != self.received or self.silent_s is None:
             self.silent_s, self.received = (now_s if sessions else None), received
         if sessions < 2:
@@ -171,18 +170,18 @@ class Attendance:
 
 @dataclass
 class Repetition:
-    """Says a sentence once, and again now and then while it stays true.
+    """Logs a sentence once, and again from time to time while it stays true.
 
     Attributes:
         period_s: between two times.
-        said: when each sentence was said last.
+        said: when each sentence was last logged.
     """
 
     period_s: float = 60.0
     said: dict[str, float] = field(default_factory=dict)
 
     def is_due(self, sentence: str, now_s: float) -> bool:
-        """Return whether to say it now, and note that it was said."""
+        """Return whether the sentence is due, and record that it was logged."""
         due = now_s - self.said.get(sentence, float("-inf")) >= self.period_s
         if due:
             self.said = {one: t_s for one, t_s in self.said.items() if now_s - t_s < self.period_s} | {sentence: now_s}
@@ -198,9 +197,10 @@ class Backlog:
 
     Attributes:
         limit_s: an age of the oldest above which nothing more is admitted.
-        forget_s: acknowledgements get lost, and a full queue drops messages: after this long none is waited for.
-        latest: more is put in only while the oldest has hardly taken longer than one needs that waits for none.
-        least_s: how long a message takes until it is acknowledged when none is before it; 0: not known.
+        forget_s: after this long a message is not waited for: acknowledgements get lost, and a full queue drops
+            messages.
+        latest: more is put in only while the oldest has hardly taken longer than a message that waits for none needs.
+        least_s: time until a message is acknowledged if none is before it; 0: not known.
         refused: a message was refused since there was room.
         sequence: of the newest message.
         waiting: (sequence, time of sending) of each message, oldest first.

@@ -42,7 +42,7 @@ _BULK = {
     Priority.HIGH: zenoh.Priority.DATA, Priority.NORMAL: zenoh.Priority.DATA_LOW,
     Priority.LOW: zenoh.Priority.BACKGROUND,
 }  # fmt: skip
-"""Of what does not fit a datagram: behind all that does, unless it was declared to go first."""
+"""Priority of what does not fit a datagram: behind all that does, unless it was declared to go first."""
 
 
 def _priority(channel: Channel) -> zenoh.Priority:
@@ -51,7 +51,7 @@ def _priority(channel: Channel) -> zenoh.Priority:
 
 
 class PeerRefusedError(Exception):
-    """Who answered shows a certificate that is not the cloud's."""
+    """The answering side's certificate is not the cloud's."""
 
 
 @dataclass
@@ -60,7 +60,7 @@ class _Outlet:
 
     Attributes:
         publisher: of messages that fit in a datagram.
-        bulk: publisher of bigger ones, behind all others; None where all go the same way.
+        bulk: publisher of bigger ones, behind all others; None if all go the same way.
         backlog: of the bulk.
         is_bulk: a message was too big once: from then on all go one way, so that none overtakes another.
     """
@@ -76,11 +76,12 @@ class ZenohSession:
 
     Attributes:
         fallback: the robot dialled the fallback.
-        connections: to the other side, now; who shows another certificate is not counted, nor is a robot's second
+        connections: to the other side, now; clients with another certificate do not count, nor does a robot's second
             one for large messages. A robot's is 1 and then 0 for ever: nothing reconnects within a session.
         opened: how many connections there have been.
         received: how many messages of the other side arrived.
-        served_uid: whom the cloud serves, if it has said so: it does to a robot that is silent under that uid.
+        served_uid: the uid that the cloud serves, if it has stated it: it does to a robot that is silent under that
+            uid.
         strangers: common names of the certificates of the others that are connected, "" for none.
         foreign: how many connections such clients have had.
         on_room: see `port.OnRoom`.
@@ -92,11 +93,11 @@ class ZenohSession:
         Args:
             settings: of the link.
             fallback: whether to dial the fallback.
-            open_timeout_ms: of this attempt; None: as the settings say.
+            open_timeout_ms: of this attempt; None: that of the settings.
 
         Raises:
-            zenoh.ZError: nobody answered, or the port to listen on is taken.
-            PeerRefusedError: somebody else than the cloud answered.
+            zenoh.ZError: there was no answer, or the port to listen on is taken.
+            PeerRefusedError: the answer was not from the cloud.
         """
         self.settings = settings
         self.fallback = fallback
@@ -177,7 +178,7 @@ class ZenohSession:
         self._attend(on_connection)
 
     def speak(self, channels: Sequence[Channel], on_connection: Callable[[ZenohSession], None]) -> None:
-        """Declare all channels for sending only: beside another session that hears.
+        """Declare all channels for sending only: beside another session that receives.
 
         Args:
             channels: the same as on the other side.
@@ -196,7 +197,7 @@ class ZenohSession:
         others = key_prefix(settings, settings.other_side)
         if settings.session == "data":
             self._declared.append(self._chunks.hear_receipts(self._session.declare_subscriber, others))
-        # Reliable: where the newest counts, one that is lost would hold up its channel for the whole lease.
+        # Reliable: if the newest counts, a lost one would hold up its channel for the whole lease.
         self._acknowledgements = self._publish(
             acknowledgement_key(settings, settings.side), reliable=True, priority=zenoh.Priority.REAL_TIME
         )
@@ -204,7 +205,7 @@ class ZenohSession:
         self._declared.append(self._session.declare_subscriber(heard, self._acknowledged))
 
     def _attend(self, on_connection: Callable[[ZenohSession], None]) -> None:
-        """Follow who connects and who leaves."""
+        """Follow which clients connect and leave."""
         settings = self.settings
 
         def changed(event: Any) -> None:
@@ -224,7 +225,7 @@ class ZenohSession:
             self.connections = 0  # lost before anybody listened
 
     def _count_peer(self, session: str, up: bool) -> None:
-        """Note that somebody came or went at the cloud."""
+        """Record that a client connected to the cloud or left."""
         known = (self.settings.peer_name, *self.settings.observers)
         if up:
             links = [link for link in self._session.info.links() if str(link.zid) == session]
@@ -239,7 +240,7 @@ class ZenohSession:
         self.strangers = frozenset(peer.name for peer in self._peers.values() if peer.name not in known)
 
     def introduce(self) -> None:
-        """Report which uid the cloud serves."""
+        """Send the uid that the cloud serves."""
         try:
             self._introduction.put(self.settings.uid)
         except zenoh.ZError as error:
@@ -255,8 +256,8 @@ class ZenohSession:
         parted = settings.session == "data" and not channel.urgent
         return _Outlet(
             publisher=self._publish(own_key, reliable=reliable, priority=_priority(channel)),
-            # Reliable even where the channel is not: QUIC keeps datagrams that it cannot send, a megabyte of them,
-            # and one lost fragment costs the whole message.
+            # Reliable even if the channel is not: QUIC keeps datagrams that it cannot send, a megabyte of them, and one
+            # lost fragment costs the whole message.
             bulk=self._publish(own_key, reliable=True, priority=_BULK[channel.priority]) if parted else None,
             backlog=Backlog(settings.backlog_ms / 1e3, settings.lease_ms / 1e3, channel.latest),
         )
@@ -273,7 +274,7 @@ class ZenohSession:
         )
 
     def send(self, channel: str, header: bytes, payload: bytes) -> bool:
-        """Put a message; False when it was certainly not sent.
+        """Put a message; return False if it was certainly not sent.
 
         Raises:
             KeyError: no such channel is declared.
@@ -329,11 +330,11 @@ class ZenohSession:
 
     @property
     def malformed(self) -> int:
-        """How many messages arrived that are none of ours."""
+        """Return how many invalid messages arrived."""
         return self._malformed + self._chunks.malformed
 
     def close(self) -> None:
-        """End it and everything buffered in it; may take 20 s where TLS has data that it cannot send."""
+        """Close it with everything buffered in it; may take 20 s if TLS has data that it cannot send."""
         self._chunks.close()
         try:
             self._session.close()  # type: ignore[no-untyped-call]  # the wheel does not annotate it

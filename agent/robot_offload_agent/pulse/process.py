@@ -1,9 +1,9 @@
 """The pulse process: beats out every period, beats in at once, nothing else.
 
-It has its own session and its own process so that beats wait for nobody's data, garbage collection or ROS discovery.
+It has its own session and its own process so that beats wait for no data, garbage collection or ROS discovery.
 
-Beats go out by an alarm on the main thread; on the robot also on the link's thread, with a beat of the cloud that has
-just come: then the alarm is put off, and the main thread sleeps on.
+Beats go out by an alarm on the main thread. On the robot they also go out on the link's thread, with a beat of the
+cloud that has just arrived: then the alarm is postponed, and the main thread sleeps on.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ STATUS_PERIOD_S = 1.0
 LONGEST_S = 0.5
 """The main thread wakes up this often although beats go out without it: it shows that it lives."""
 SESSION_LOOK_S = 0.1
-"""How often the session's state is looked at; people read what comes of it."""
+"""Interval of the looks at the session's state, which people read."""
 
 
 class PulseProcess:
-    """Joins the core's pulse, the link and the bus."""
+    """Connects the core's pulse, the link and the bus."""
 
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         self.configuration = configuration
@@ -80,7 +80,7 @@ class PulseProcess:
             self.alarm.wait(LONGEST_S)
 
     def send(self, now: float) -> None:
-        """Send one beat, with what control says by now; call with `speaking` held."""
+        """Send one beat, with control's newest order; call with `speaking` held."""
         assert self.link is not None
         self.read()  # only now: each waking up costs
         with self.lock:
@@ -89,7 +89,7 @@ class PulseProcess:
         self.link.send("beat", b"", beats.encode_fitting(beat).encode())
         self.alarm.set(wake_s)
         self.sent = PulseSent(now, isinstance(beat.body, beats.Permission) and beat.body.granted)
-        # Beats that arrive bring it along; only while none arrive it is told on its own.
+        # `Arrived` carries it; it is sent separately only while no beats arrive.
         if now - self.told_sent_s > self.pulse.beat_period_s:
             self.told_sent_s = now
             self.bus.send("control", self.sent)
@@ -105,7 +105,7 @@ class PulseProcess:
             self.bus.send("control", PulseStatus(*told, garbage, self.realtime, status.cause.value))
 
     def read(self) -> None:
-        """Take what control reports."""
+        """Take control's messages."""
         while (message := self.bus.receive()) is not None:
             with self.guard:
                 self.handle(message)
@@ -146,13 +146,13 @@ class PulseProcess:
                 self.pass_on(Heard(partner.incarnation, partner.sent_us, partner.arrived_s))
 
     def answer(self, arrived_s: float) -> None:
-        """Send the next beat with the one that has just come, where that spares the main thread to wake up."""
+        """Send the next beat with the one that has just arrived, if that spares the main thread a wake-up."""
         with self.speaking:
             if self.link is not None and pulse.joins(self.pulse, arrived_s):
                 self.send(arrived_s)
 
     def pass_on(self, heard: Heard) -> None:
-        """Give data the newest beat: in memory, or as a datagram where there is none."""
+        """Pass data the newest beat: in memory, or as a datagram if there is none."""
         if self.heard is None:
             self.bus.send("data", heard)
         else:

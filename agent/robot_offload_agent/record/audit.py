@@ -1,8 +1,8 @@
 """Writes the audit trail of a robot (`robot_offload_core.record.audit`) to its disk, on a thread of its own.
 
 The files `audit/audit-NUMBER.log` in the state folder are one chain; a full one is followed by the next, and the oldest
-goes. Each entry is synced to the disk. What the disk does not take waits and is tried again each second; what finds no
-room is counted, and an entry says so. A second agent that uses the same folder writes nothing and says so.
+is deleted. Each entry is synced to the disk. An entry that cannot be written is tried again each second. Entries
+without room are counted, and an entry states that. A second agent with the same folder writes nothing and reports it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 FILE_BYTES = 1 << 20
 FILES = 16
-"""So many stay: some 60,000 entries, years of an ordinary robot."""
+"""Number of files kept: some 60,000 entries, years of an ordinary robot."""
 WAITING = 1000
 RETRY_S = 1.0
 FOLDER = "audit"
@@ -40,12 +40,12 @@ Said = tuple[str, Kind, str, Mapping[str, str]]
 
 
 class AuditTrail:
-    """See the module; also a witness of the placement machine (`robot_offload_core.words.events.Witness`).
+    """Writer of the audit trail; also a witness of the placement machine (`robot_offload_core.words.events.Witness`).
 
     Attributes:
         head: the newest entry on the disk.
         missed: entries that found no room.
-        problem: why nothing is written now; "" while all is well.
+        problem: why nothing is written now; "" if there is none.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -71,7 +71,7 @@ class AuditTrail:
         self._wake.set()
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Take a step: switches by hand, and pins of the robot itself, are entries."""
+        """Take a step: switches by hand, and pins of the robot itself, become entries."""
         if machine is not Machine.PLACEMENT:
             return
         if isinstance(event, placement.SwitchByHand):
@@ -85,10 +85,10 @@ class AuditTrail:
             )  # fmt: skip
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Take a state that no step has led to: nobody's doing."""
+        """Ignore a state that no step has led to: no user caused it."""
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Take a step that broke a rule: nobody's doing."""
+        """Ignore a step that broke a rule: no user caused it."""
 
     # -- writing thread -----------------------------------------------------------------------------------------------
 
@@ -104,7 +104,7 @@ class AuditTrail:
                 time.sleep(RETRY_S)
 
     def turn(self) -> bool:
-        """Write what waits; return False when something is left that has to be tried again."""
+        """Write what waits; return False if something is left to be tried again."""
         try:
             if self._lock is None:
                 self._open()
@@ -123,7 +123,7 @@ class AuditTrail:
         return not self.problem
 
     def close(self) -> None:
-        """Let the folder go."""
+        """Release the folder."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
@@ -135,7 +135,7 @@ class AuditTrail:
             log.warning("%s; the agent goes on reason=AuditFailed", problem)
 
     def _open(self) -> None:
-        """Take the folder, and go on with the chain that is in it."""
+        """Take the folder, and continue the chain in it."""
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         lock = (self.folder / "lock").open("a")
         try:

@@ -1,12 +1,12 @@
-"""Writes the black box of a control process to the disk: bounded files, a bounded rate, and never in a step's way.
+"""Writes the black box of a control process to the disk: bounded files, a bounded rate, and without delaying a step.
 
-The deciding thread hands over what it has decided and goes on; another thread turns that into text and writes it four
-times a second, and what waits when the process ends by itself, the step that broke a rule among it. What comes faster
-than the disk or the rate allows is left out and counted, and states are written anew. A disk that is full or gone ends
-the box, never the agent.
+The deciding thread passes on what it has decided and continues. Another thread turns that into text and writes it four
+times a second. When the process ends by itself, what waits is written too, including the step that broke a rule. What
+comes faster than the disk or the rate allows is left out and counted, and states are written anew. A disk that is full
+or gone ends the box, never the agent.
 
-The files `box-NUMBER.log` are parts of one ring: the oldest goes when all of them are too large. A restarted process
-goes on with the next number. Format: `robot_offload_core.record.blackbox`.
+The files `box-NUMBER.log` are parts of one ring: the oldest is deleted when all together are too large. A restarted
+process continues with the next number. Format: `robot_offload_core.record.blackbox`.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from robot_offload_core.words.events import Machine
 log = logging.getLogger(__name__)
 
 PARTS = 8
-"""Files of the ring: with the oldest one an eighth of the past goes."""
+"""Files of the ring: deleting the oldest loses an eighth of the past."""
 CLOUD_MIB = 8
-"""At most so much in the cloud, where a pod's disk is the cluster's."""
+"""Limit in the cloud, where a pod's disk is the cluster's."""
 TURN_S = 0.25
 FRAME_S = 10.0
-"""A state of each machine is written so often: a replay begins with one."""
+"""Interval at which the state of each machine is written: a replay begins with one."""
 WAITING = 4000
 """Steps that may wait for the writing thread, some twenty seconds of an ordinary robot."""
 RATE_BYTES = 262_144
-"""Written a second at most, on the average of a turn; an ordinary robot writes 20 to 30 kB."""
+"""Limit of the bytes a second, on the average of a turn; an ordinary robot writes 20 to 30 kB."""
 
 LAST_S = 0.2
-"""A process that ends waits so long at most for its last steps to be written."""
+"""A process that ends waits at most this long for its last steps to be written."""
 
 Taken = tuple[Machine, float, Any, Any, Any]
 
 
 class BlackBox:
-    """See the module; a witness (`robot_offload_core.words.events.Witness`).
+    """Writer of the black box; a witness (`robot_offload_core.words.events.Witness`).
 
     Args:
-        folder: of the ring, made when it is missing.
+        folder: of the ring, made if it is missing.
         total_bytes: of the ring.
         facts: for the first line of each file.
 
@@ -177,13 +177,13 @@ def number_of(file: Path) -> int:
 
 
 def digest_of_core() -> str:
-    """Return the name of this installation's core."""
+    """Return the digest that names this installation's core."""
     root = Path(robot_offload_core.__file__).parent
     return blackbox.digest((file.relative_to(root).as_posix(), file.read_bytes()) for file in root.rglob("*.py"))
 
 
 def of(configuration: Configuration, incarnation: str) -> BlackBox | None:
-    """Return the box that a configuration asks for; None when it is turned off."""
+    """Return the box that a configuration asks for; None if it is turned off."""
     side, mib = configuration["side"], configuration["black_box_mib"]
     if not mib:
         return None

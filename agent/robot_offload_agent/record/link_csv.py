@@ -1,8 +1,8 @@
 """Records the link as the robot's agent sees it: CSV `t_s,rtt_ms`, to be replayed by `robot-offload simulate --trace`.
 
-A line for each beat that was echoed, a line with an empty `rtt_ms` for those that were not. Lines are collected and
-written once a second; a full file is renamed to FILE.1 (the older one is gone) and a new one begun, so that at most
-twice `max_bytes` are used. A disk that is full or gone ends the recording, never the agent.
+Each echoed beat is a line, each other beat a line with an empty `rtt_ms`. Lines are collected and written once a
+second. A full file is renamed to FILE.1 (the older one is deleted) and a new one begun, so that at most twice
+`max_bytes` are used. A disk that is full or gone ends the recording, never the agent.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ FLUSH_S = 1.0
 LOST_BEATS = 2.25
 """Fewer beat periods than this between two echoed beats are no loss: the cloud echoes only the newest beat it heard."""
 LOST_ROWS = 50
-"""A long outage is told by so many lines at most, evenly."""
+"""Most lines for a long outage, evenly spread."""
 
 
 class Recorder:
-    """Writes down round trips.
+    """Records round trips.
 
     Args:
         file: to write; an older one becomes FILE.1.
-        period_s: distance of two beats.
+        period_s: time between two beats.
         max_bytes: of one file.
     """
 

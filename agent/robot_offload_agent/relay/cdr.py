@@ -1,7 +1,7 @@
 """The small messages of an action as serialized bytes, so that no goal, result or feedback has to be decoded.
 
 Plain CDR in the byte order of this machine, as rmw gives and takes it: 4 bytes of encapsulation, then the fields, each
-aligned to its size. The tests compare every one with what rclpy writes.
+aligned to its size. The tests compare every one with rclpy's output.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def goal_response(accepted: bool, stamp_ns: int) -> bytes:
 
 
 def is_accepted(response: bytes) -> bool:
-    """Return what a response to a `send_goal` says."""
+    """Return whether a response to a `send_goal` accepts the goal."""
     return response[_STATUS_AT : _STATUS_AT + 1] == b"\x01"
 
 
@@ -38,7 +38,7 @@ def result_request(goal_id: bytes) -> bytes:
 
 
 def result_status(response: bytes) -> GoalStatus:
-    """Return the status in a response to a `get_result`; raise ValueError when it is none."""
+    """Return the status in a response to a `get_result`; raise ValueError if it is not valid."""
     return GoalStatus(response[_STATUS_AT]) if len(response) > _STATUS_AT else GoalStatus.UNKNOWN
 
 
@@ -65,7 +65,7 @@ def cancel_response(code: CancelCode, goals: Sequence[GoalEntry]) -> bytes:
 
 
 def cancel_code(response: bytes) -> CancelCode:
-    """Return the code of a response to a request to cancel; one that is unknown is REJECTED."""
+    """Return the code of a response to a request to cancel; an unknown one is REJECTED."""
     code = response[_STATUS_AT] if len(response) > _STATUS_AT else CancelCode.REJECTED
     return CancelCode(code) if code in list(CancelCode) else CancelCode.REJECTED
 

@@ -14,7 +14,7 @@ from robot_offload_core.relay.process import RelayPlan
 
 
 class CloudRelayShell(RelayShell):
-    """See the module. `members`: the pods of pools."""
+    """The cloud's relay in its shell. `members`: the pods of pools."""
 
     process: CloudRelay
 

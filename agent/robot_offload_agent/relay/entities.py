@@ -1,4 +1,4 @@
-"""What the relay serves and calls: services, and actions as the three services and two topics that they are."""
+"""Entities that the relay serves and calls: services, and actions as their three services and two topics."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SHOWS_SERVICES = "fastrtps" in get_rmw_implementation_identifier()
 """The graph shows the topics behind a service; not every middleware has any."""
 SEND, CANCEL, RESULT = "send_goal", "cancel_goal", "get_result"
 MOST_OPEN = 4096
-"""Callers of one service that are waiting at once; of more the oldest counts as gone."""
+"""Most callers of one service that wait at once; above that the oldest counts as gone."""
 
 
 class Owner(Protocol):
@@ -41,7 +41,7 @@ class Owner(Protocol):
 
     @property
     def process(self) -> RelayProcess:
-        """Return what takes what arrives; it exists when the loop runs."""
+        """Return the process that takes events; it exists when the loop runs."""
 
     node: Node
     loop: Loop
@@ -92,7 +92,7 @@ class ServiceServer:
         self.owner.process.called(self.face, self.name, caller, request)
 
     def failure(self, message: str) -> bytes | None:
-        """Return a response that says what failed, None where the response cannot."""
+        """Return a response that states what failed, None if the response cannot."""
         fields = _fields(self.kind)
         if fields.get("success") != "boolean":
             return None
@@ -162,7 +162,7 @@ class ServiceClient:
             self.raw.forget(sequence)
 
     def endpoints(self) -> str:
-        """Return who serves, "" for nobody."""
+        """Return a text that identifies the server, "" without one."""
         return endpoints((self.raw,))
 
 
@@ -182,7 +182,7 @@ class ActionClient:
         self.owner.process.feedback_arrived(self.face, self.name, payload)
 
     def offer(self, payload: bytes) -> None:
-        """Send a goal. One that is no goal of this type counts as refused; raise NativeError for it."""
+        """Send a goal. Bytes that are not a goal of this type count as refused; raise NativeError for them."""
         goal_id = goal_id_of(payload) or b""
 
         def answered(accepted: bool) -> None:
@@ -212,12 +212,12 @@ class ActionClient:
         self.result.ask(cdr.result_request(goal_id), answered)
 
     def endpoints(self) -> str:
-        """Return who serves, "" for nobody."""
+        """Return a text that identifies the server, "" without one."""
         return endpoints((self.send, self.cancelling, self.result))
 
 
 def endpoints(clients: Sequence[RawClient]) -> str:
-    """Return a text that changes when one of these servers is started again; "" while one of them is missing."""
+    """Return a text that changes when one of these servers is restarted; "" while one of them is missing."""
     if not all(client.is_ready() for client in clients):
         return ""
     found: list[str] = []

@@ -1,9 +1,9 @@
-"""Answers calls that a predecessor of this process took and that are still open at their clients.
+"""Answers calls that a predecessor of this process took and whose clients still wait.
 
-rmw_fastrtps drops an answer whose request id names a client that this process has heard no request of: the id holds
-the client's *reader* of answers. With the client's *writer* of requests in its place the answer is sent, and the client
-takes it. Reader and writer belong to one participant and are made one after the other, so their entity keys differ by
-one. The writer is sought in the graph, because nothing reaches the client before discovery has found it.
+rmw_fastrtps drops an answer if its request id names a client from which this process has received no request: the id
+holds the client's *reader* of answers. With the client's *writer* of requests in its place the answer is sent, and the
+client takes it. Reader and writer belong to one participant and are made one after the other, so their entity keys
+differ by one. The writer is looked up in the graph, because nothing reaches the client before discovery has found it.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ log = logging.getLogger(__name__)
 
 GID_BYTES = 16
 PREFIX_BYTES = 12
-"""Of a participant, in each gid of it."""
+"""Prefix of a participant in each of its gids."""
 KEY = slice(12, 15)
 """The entity's number in its participant."""
 PATIENCE_S = 15.0
-"""A client that discovery has not found by then has gone."""
+"""A client that discovery has not found by then is gone."""
 ANSWER_TIMES_S = (0.0, 0.5)
-"""An answer may leave before the client's reader is matched, so it is sent twice: clients leave out the second one."""
+"""An answer may leave before the client's reader is matched, so it is sent twice: clients ignore the second one."""
 CLIENT_LOOK_S = 0.05
-"""How often a client is looked for."""
+"""Interval at which a client is looked for."""
 
 
 @dataclass
@@ -44,12 +44,12 @@ class _Waiting:
 
 
 class Inherited:
-    """Answers to callers that this process never heard.
+    """Answers to callers whose requests this process never received.
 
     Attributes:
-        waiting: what has not been sent as often as it is to be.
+        waiting: answers that have not been sent as often as planned.
         lost: answers whose clients were not found.
-        possible: whether the middleware can do that at all; None while it is not known.
+        possible: whether the middleware supports this; None while it is not known.
     """
 
     def __init__(self, node: Node) -> None:
@@ -63,7 +63,7 @@ class Inherited:
         self.waiting.append(_Waiting(service, caller, response, now_s() + PATIENCE_S))
 
     def turn(self) -> float:
-        """Send what can be sent; return when to call again at the latest, on the steady clock."""
+        """Send what can be sent; return the latest time of the next call, on the steady clock."""
         now = now_s()
         if self.possible is None:
             return now + CLIENT_LOOK_S if self.waiting else float("inf")
@@ -111,7 +111,7 @@ def _key(gid: bytes) -> int:
 
 
 class SelfTest:
-    """Whether an answer by the writer's gid arrives: a call to oneself that is answered so. Ends by itself.
+    """Test whether an answer by the writer's gid arrives, with a call to itself that is answered so. Ends by itself.
 
     Attributes:
         passed: None while it is not known.

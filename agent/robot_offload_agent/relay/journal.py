@@ -1,4 +1,4 @@
-"""What the robot's relay holds, in a file of the runtime folder that survives the process.
+"""The state of the robot's relay, in a file of the runtime folder that survives the process.
 
 The file is allocated at the start, so that a full disk refuses a goal and never ends one. It has two halves. Records
 are appended to the current one; `compact` fills the other one and makes it the current one with its last write.
@@ -26,7 +26,8 @@ _RECORD = struct.Struct(">II")  # size of the record, checksum over nonce and re
 class Journal:
     """Appends records and reads them back, up to the first one that is not whole.
 
-    Records end at a size of 0. A checksum covers record and nonce of the half, so none of an earlier use counts.
+    Records end at a size of 0. A checksum covers record and nonce of the half, so records of an earlier use do not
+    count.
 
     Attributes:
         kept: whether records survive this process; False on a disk without room.
@@ -68,7 +69,7 @@ class Journal:
         return found
 
     def append(self, record: bytes) -> bool:
-        """Append a record; return False when there is no room for it."""
+        """Append a record; return False if there is no room for it."""
         end = self._write(record, self.end, self.nonce, (self.current + 1) * self.half_bytes)
         if end is None:
             return False
@@ -76,7 +77,7 @@ class Journal:
         return True
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replace all records, at once or not at all; return False when there is no room."""
+        """Replace all records, at once or not at all; return False if there is no room."""
         half = 1 - self.current
         nonce, at = os.urandom(16), half * self.half_bytes + _HEAD.size
         self.map[at : at + _RECORD.size] = bytes(_RECORD.size)
@@ -94,7 +95,7 @@ class Journal:
         return True
 
     def _write(self, record: bytes, at: int, nonce: bytes, limit: int) -> int | None:
-        """Write a record and the end behind it; its size comes last, so a torn one is none."""
+        """Write a record and the end behind it; its size comes last, so a torn one does not count."""
         begin = at + _RECORD.size
         end = begin + len(record)
         if not record or end + _RECORD.size > limit:
@@ -105,7 +106,7 @@ class Journal:
         return end
 
     def _head(self, half: int) -> tuple[int, bytes]:
-        """Return generation and nonce of a half; generation 0 when nothing whole is there."""
+        """Return generation and nonce of a half; generation 0 if nothing whole is there."""
         magic, generation, nonce, checksum = _HEAD.unpack_from(self.map, half * self.half_bytes)
         whole = magic == _MAGIC and zlib.crc32(_HEAD.pack(magic, generation, nonce, 0)) == checksum
         return (generation, nonce) if whole else (0, b"")

@@ -1,7 +1,7 @@
-"""The pods of pools: found in the graph by the private names that they serve, and asked to leave by files.
+"""The pods of pools: found in the graph by the private names that they serve; they ask to leave by files.
 
-A pod that is to end asks by a file in `leaving/` of the runtime folder, by its member name, and waits for the file of
-the same name in `left/`: then it has no open call, and gets none any more.
+A pod that is to end asks by a file named after its member in `leaving/` of the runtime folder. It then waits for the
+file of the same name in `left/`: from then on it has no open call and gets no more.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from robot_offload_core.words.declared import ServiceSpec
 log = logging.getLogger(__name__)
 
 KEPT_S = 10.0
-"""A client whose pod does not answer in the graph is kept for so long: discovery finds a pod's parts one by one."""
+"""A client whose pod does not answer in the graph is kept this long: discovery finds a pod's parts one by one."""
 
 
 class Members:
-    """See the module.
+    """The members of all pools: their clients, and those that leave.
 
     Attributes:
         specs: the pooled services.
@@ -68,7 +68,7 @@ class Members:
         return found
 
     def _forget(self, now: float) -> None:
-        """Drop clients whose pods went: their own part in the graph would name the pod for ever."""
+        """Drop clients whose pods are gone: this process's own part in the graph would name the pod for ever."""
         for place in [place for place, seen_s in self.seen_s.items() if now - seen_s > KEPT_S]:
             del self.seen_s[place]
             raw = self.clients.pop(place).raw
@@ -76,7 +76,7 @@ class Members:
             self.owner.node.destroy_client(raw.entity)
 
     def _let_go(self, pools: Pools) -> bool:
-        """Take who asks to leave, and answers those without an open call; return whether all are answered."""
+        """Read which pods ask to leave, and answer those without an open call; return whether all are answered."""
         asked = _names(self.leaving_dir)
         free = set(pools.leave(asked))
         answered = _names(self.left_dir)

@@ -1,7 +1,7 @@
 """The shell of either relay: entities, bus and clock around the core's relay process.
 
-Two threads: ROS (main; all of the core's calls are made there) and bus. What the bus thread reads is handed over, and
-wakes the other one.
+Two threads: ROS (main; all of the core's calls are made there) and bus. The bus thread passes what it reads to the
+other one and wakes it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ log = logging.getLogger(__name__)
 
 GRAPH_LOOK_S = 1.0
 GRAPH_LOOK_SOON_S = 0.1
-"""How often the graph is looked at, and while a server that is called has not been seen."""
+"""Interval of the looks at the graph: normally, and while a called server has not been seen."""
 HURRIED_S = 3.0
-"""After a start the graph is looked at often: goals of a predecessor wait for their servers."""
+"""After a start the graph is looked at often for this time: goals of a predecessor wait for their servers."""
 BUS_S = 0.5
 """The bus thread gives its sign of life at least this often."""
 
@@ -137,7 +137,7 @@ class RelayShell:
                 self.loop.wake()
 
     def guarded(self, act: Callable[[], None]) -> None:
-        """Call what handles one message; what it raises is counted."""
+        """Call the function that handles one message; count what it raises."""
         with self.guard:
             act()
 
@@ -179,7 +179,7 @@ class RelayShell:
         return wall_ns()
 
     def send(self, to: str, message: object) -> bool:
-        """Send a message to another process of this agent; to what diagnostics show the shell adds its own."""
+        """Send a message to another process of this agent; the shell adds its own part to a status."""
         if isinstance(message, RelayStatus) and message.counters:
             own = {f"{name}.failures": count for name, count in self.failures.items()}
             own["garbage.relay"] = self.bus.garbage + self.guard.count
@@ -246,7 +246,7 @@ class RelayShell:
         self.tried(service, partial(self.service_servers[face, service].server.answer, caller, payload))
 
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
-        """Answer a call that failed where its response can say so; else the caller hears nothing."""
+        """Answer a call that failed if its response can state that; otherwise the caller gets no answer."""
         server = self.service_servers[face, service]
         response = server.failure(message)
         log.warning("A call of %s failed: %s reason=%s", service, message, reason)
@@ -256,7 +256,7 @@ class RelayShell:
             self.tried(service, partial(server.server.answer, caller, response))
 
     def tried(self, name: str, act: Callable[[], None]) -> None:
-        """Do what the middleware may refuse; a refusal is counted by name and logged once for each."""
+        """Do what the middleware may refuse; count refusals by name and log the first of each."""
         try:
             act()
         except NativeError as error:

@@ -20,7 +20,7 @@ SELF_TEST = "/relay_self_test"
 
 
 class RobotRelayShell(RelayShell):
-    """See the module."""
+    """The robot's relay in its shell."""
 
     def __init__(self, configuration: Configuration, bus: Bus, plan: RelayPlan) -> None:
         super().__init__(configuration, bus)
@@ -37,7 +37,7 @@ class RobotRelayShell(RelayShell):
         self.process = RobotRelay(plan, self, secrets.token_hex(16), records)
 
     def turn(self) -> float:
-        """See RelayShell; until its end the self test is looked at too."""
+        """See RelayShell; the self test gets its turns too, until it ends."""
         due_s = super().turn()
         if not self.self_test.closed:
             due_s = min(due_s, self.self_test.turn())
@@ -51,7 +51,7 @@ class RobotRelayShell(RelayShell):
         return due_s
 
     def holder(self) -> Holding:
-        """Read who holds."""
+        """Read the holder."""
         return self.view.look()
 
     def keep(self, record: bytes) -> bool:

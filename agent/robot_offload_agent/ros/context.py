@@ -20,14 +20,14 @@ log = logging.getLogger(__name__)
 
 
 UNDESCRIBED = (Parameter("start_type_description_service", value=False),)
-"""For each node of the agent: the service that describes its types costs 1.5 MB in each process, and nobody asks."""
+"""For each node of the agent: the service that describes its types costs 1.5 MB in each process and is not used."""
 
 
 def init(configuration: Configuration) -> None:
     """Start rclpy in this process, in the domain of this side; the agents ignore use_sim_time.
 
-    SIGTERM ends spinning, so that participants say goodbye. A thread that fails ends the process: half a process would
-    look alive and do nothing, a dead one is started again.
+    SIGTERM ends spinning, so that participants leave properly. A thread that fails ends the process: half a process
+    would look alive and do nothing, a dead one is restarted.
     """
     options = rclpy.SignalHandlerOptions.SIGTERM
     rclpy.init(args=[], domain_id=configuration["domain_id"], signal_handler_options=options)
@@ -35,7 +35,7 @@ def init(configuration: Configuration) -> None:
 
 
 def end_process(failure: threading.ExceptHookArgs) -> None:
-    """Log an exception that leaves a thread; quiet while rclpy is shutting down."""
+    """Log an exception that ended a thread and end the process; do nothing while rclpy is shutting down."""
     if rclpy.ok():
         thread = failure.thread.name if failure.thread else "?"
         log.error("Thread %s failed", thread, exc_info=failure.exc_value)
@@ -43,7 +43,7 @@ def end_process(failure: threading.ExceptHookArgs) -> None:
 
 
 def run_until_ended(run: Callable[[Configuration], None], configuration: Configuration) -> None:
-    """Run a process; that it is ended in the middle of its start is no error."""
+    """Run a process; treat an end in the middle of its start as no error."""
     try:
         run(configuration)
     except (rclpy_native.RCLError, rclpy_native.InvalidHandle):
@@ -52,7 +52,7 @@ def run_until_ended(run: Callable[[Configuration], None], configuration: Configu
 
 
 def is_up() -> bool:
-    """Return whether ROS of this process has not been shut down yet."""
+    """Return whether ROS of this process is still running."""
     return bool(rclpy.ok())
 
 

@@ -16,7 +16,7 @@ _NAME = re.compile(r"([A-Za-z][A-Za-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-
 
 @dataclass(frozen=True)
 class ActionTypes:
-    """What an action is made of: three services and two messages."""
+    """The parts of an action: three services and two messages."""
 
     send_goal: Any
     cancel_goal: Any
@@ -34,7 +34,7 @@ def any_type(name: str) -> Any:
 def message_type(name: str) -> Any:
     """Return the class of a message type such as `sensor_msgs/msg/LaserScan`; see `interface`.
 
-    Also of a message that an action is made of: its feedback with the goal's id, and the event of a `get_result`.
+    Includes the messages of an action: its feedback with the goal's id, and the event of a `get_result`.
     """
     part = _OF_ACTION.fullmatch(name)
     if part is not None:
@@ -61,7 +61,7 @@ def interface(name: str, kind: str) -> Any:
     """Return the class of an interface type.
 
     Args:
-        name: `PACKAGE/KIND/TYPE`; anybody in the graph can give a topic any type.
+        name: `PACKAGE/KIND/TYPE`; any program in the graph can give a topic any type.
         kind: `msg`, `srv` or `action`.
 
     Raises:

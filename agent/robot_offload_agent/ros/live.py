@@ -1,7 +1,7 @@
-"""What the robot's control process says in numbers and single words, for viewers that draw them: plots and bands.
+"""The state of the robot's control process as numbers and single words, for viewers that plot them.
 
-The same topics live and in recordings, so that one layout serves both. Round trips are published only while somebody
-listens; the others at changes.
+The same topics exist live and in recordings, so that one layout serves both. Round trips are published only while
+there is a subscriber; the others at changes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Live:
         self._echo_sent_s = -math.inf
 
     def decided(self, site: Site, reason: str) -> None:
-        """Publish who is in charge (0: the robot, 1: the cloud) and the word for why, when that has changed."""
+        """Publish the active side (0: the robot, 1: the cloud) and the reason word, when that has changed."""
         if (site, reason) == self._said:
             return
         self._said = site, reason
@@ -60,13 +60,13 @@ class Live:
             self._passing.publish(Int32(data=number))
 
     def note(self, message: str) -> None:
-        """Publish a decision in a sentence, as a line of a log."""
+        """Publish a decision as a sentence, like a line of a log."""
         line = Log(level=Log.INFO, name=self._node.get_name(), msg=message)
         line.stamp = self._node.get_clock().now().to_msg()
         self._notes.publish(line)
 
     def measured(self, link: Link) -> None:
-        """Publish the round trip of the newest echo, ten a second at most, while somebody listens."""
+        """Publish the round trip of the newest echo, at most ten a second, while there is a subscriber."""
         sent_s = link.echo_sent_s
         if sent_s is None or sent_s - self._echo_sent_s < SHOWN_S or link.round_trip_s is None:
             return

@@ -1,4 +1,4 @@
-"""Carries out what the guardian core asks for: lifecycle services of the managed nodes and the driver's inhibit."""
+"""Carries out the commands of the guardian core: lifecycle services of the managed nodes and the driver's inhibit."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ TRANSITIONS = {
     Transition.DEACTIVATE: TransitionMsg.TRANSITION_DEACTIVATE,
 }
 KEPT_INHIBITS = 8
-"""Requests to the driver that may be unanswered at a time; rclpy would keep one of a driver that died for ever."""
+"""Most unanswered requests to the driver; rclpy would keep one to a dead driver for ever."""
 NAME_LIKENESS = 0.75
-"""A name that is as like another one by difflib's measure is a slip of the pen: `detecter` for `detector` has 0.9."""
+"""Likeness by difflib's measure above which a name is taken for a typing error: `detecter` for `detector` has 0.9."""
 
 
 def ros_name(side: Site, spec: NodeSpec) -> str:
@@ -51,7 +51,7 @@ def ros_name(side: Site, spec: NodeSpec) -> str:
 
 
 def full_name(configuration: Configuration, name: str) -> str:
-    """Return the full ROS name on this side of a node as the resource names it, also of one that is not managed."""
+    """Return a node's full ROS name on this side from its name in the resource; the node need not be managed."""
     known = {spec.name: spec for spec in configuration.node_specs()}
     found = ros_name(configuration.side, known[name]) if name in known else name
     return found if found.startswith("/") else f"{configuration['namespace'].rstrip('/')}/{found}"
@@ -102,7 +102,7 @@ class ManagedNodes:
         return {spec.name: self._full_name(spec) for spec in specs}
 
     def missing_plain(self) -> dict[str, str]:
-        """Return, for each node without a lifecycle, what of it is not in the graph; "" when all is there."""
+        """Return, for each node without a lifecycle, what of it is missing in the graph; "" if nothing is."""
         found = {}
         for name, (full, names) in self.plain.items():
             namespace, _, short = full.rpartition("/")
@@ -117,7 +117,7 @@ class ManagedNodes:
         return found
 
     def _alike(self, full: str) -> str:
-        """Return the name that was probably meant, as a question; "" when no name is like it."""
+        """Return the name that was probably meant, as a question; "" if no name is similar."""
         running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
         close = difflib.get_close_matches(full, running - set(self.names.values()), 1, NAME_LIKENESS)
         return f"; did you mean {close[0]}?" if close else ""
@@ -128,7 +128,7 @@ class ManagedNodes:
             self.post(managed_nodes.Observed(name, state))
 
     def carry_out(self, command: managed_nodes.Command) -> None:
-        """Carry out one command of the core; news of nodes are for the log and not for us."""
+        """Carry out one command of the core; ignore news of nodes, which are only for the log."""
         match command:
             case managed_nodes.ChangeState():
                 self._change(command.name, command.transition)
@@ -191,7 +191,7 @@ class ManagedNodes:
         future.add_done_callback(done)
 
     def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
-        """Call, and forget the call before: rclpy keeps one without an answer for ever."""
+        """Call, and forget the call before: rclpy keeps an unanswered one for ever."""
         before = self.pending.get(client)
         if before is not None:
             client.remove_pending_request(before)
@@ -199,7 +199,7 @@ class ManagedNodes:
         future.add_done_callback(done)
 
     def other_managers(self) -> dict[str, str]:
-        """Return, for each node that somebody else manages as well, who that is; "" for nobody."""
+        """Return, for each node, the other program that manages it as well; "" for none."""
         services = {f"{full}/change_state": name for name, full in self.names.items()}
         found: dict[str, set[str]] = {name: set() for name in self.names}
         for other, namespace in self.node.get_node_names_and_namespaces():
@@ -217,7 +217,7 @@ class ManagedNodes:
         return lasting
 
     def strange(self) -> dict[str, tuple[str, str] | None]:
-        """Return, for each node, (reason, message) when what runs is not what was declared."""
+        """Return, for each node, (reason, message) if what runs differs from its declaration."""
         found: dict[str, tuple[str, str] | None] = {}
         running = {f"{space.rstrip('/')}/{name}" for name, space in self.node.get_node_names_and_namespaces()}
         for name, full in self.names.items():
@@ -235,6 +235,6 @@ class ManagedNodes:
         return lasting
 
     def undeclared(self) -> dict[str, Undeclared]:
-        """Return, for each duplicated node that is seen, what it does beyond what is declared."""
+        """Return, for each duplicated node that is seen, what it does beyond its declaration."""
         names = [spec.name for spec in self.configuration.node_specs() if spec.duplicated]
         return self.declared.compare({name: self.names.get(name) or self.plain[name][0] for name in names})

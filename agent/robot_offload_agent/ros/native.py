@@ -23,7 +23,7 @@ _CLIENT_TAKE_FAILED = 501
 
 
 class NativeError(Exception):
-    """A C function of rcl or rmw failed; the text is its own."""
+    """A C function of rcl or rmw failed; the text is that function's."""
 
 
 class _RequestId(Structure):
@@ -44,7 +44,7 @@ class _ErrorText(Structure):
 
 @cache
 def library() -> Any:
-    """Return librcl, through which the functions of rmw and rcutils are found too.
+    """Return librcl, which also gives access to the functions of rmw and rcutils.
 
     Raises:
         StartError: it cannot be opened, or lacks a function.
@@ -174,7 +174,7 @@ def send_request(client: int, form: Form, data: bytes) -> int:
 def send_response(service: int, form: Form, request: bytes, data: bytes) -> None:
     """Answer the request of that id with serialized bytes; raise NativeError.
 
-    A client that has gone is no error: the middleware drops the answer.
+    A client that has gone is not an error: the middleware drops the answer.
     """
     message = form.create()
     try:

@@ -33,11 +33,11 @@ OWN = (
     ParameterEvent, DescribeParameters, GetParameters, GetParameterTypes, ListParameters, SetParameters,
     SetParametersAtomically, Float64, Header, Int32, String, UInt8MultiArray, SetBool, Trigger,
 )  # fmt: skip
-"""What the agent's own nodes use, rclpy's parameter and lifecycle services included."""
+"""Interfaces of the agent's own nodes, rclpy's parameter and lifecycle services included."""
 
 
 def preload(configuration: Configuration) -> None:
-    """Load our own types and the declared ones; raise StartError naming one that is missing."""
+    """Load the agent's own types and the declared ones; raise StartError naming one that is missing."""
     declared = {spec["type"] for spec in (*configuration.outputs, *configuration.inputs)} - {"auto"}
     for kind in (*OWN, *(message_type(name) for name in sorted(declared)), *_parts(configuration)):
         check_for_type_support(kind)

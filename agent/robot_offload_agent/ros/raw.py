@@ -27,20 +27,20 @@ from robot_offload_core.words import topic_kinds
 
 OnRaw = Callable[[bytes], None]
 OnStamped = Callable[[bytes, float | None], None]
-"""With the publisher's stamp, by the system clock of its host, seconds; None where the middleware has none."""
+"""With the publisher's stamp, by the system clock of its host, seconds; None if the middleware has none."""
 _INFINITE_NS = 2**62
 NAMELESS = "_NODE_NAME_UNKNOWN_"
-"""What rmw calls the node of an endpoint whose name has not been announced yet."""
+"""The name that rmw gives to the node of an endpoint until its name is announced."""
 
 
 def graph_type(node: Node, topic: str) -> str:
-    """Return the type that publishers of a topic use now; "" when there is none or they disagree."""
+    """Return the type that publishers of a topic use now; "" if there are none or they disagree."""
     types = {info.topic_type for info in node.get_publishers_info_by_topic(topic)}
     return types.pop() if len(types) == 1 else ""
 
 
 def subscription_qos(node: Node, topic: str, spec: Named, latched: bool) -> QoSProfile | None:
-    """Return QoS that hears every publisher there is now; None while one must be read and there is none."""
+    """Return QoS that matches every publisher there is now; None if one must be read and there is none."""
     infos = node.get_publishers_info_by_topic(topic)
     if not infos and "auto" in (spec["reliability"], spec["durability"]):
         return None
@@ -50,14 +50,14 @@ def subscription_qos(node: Node, topic: str, spec: Named, latched: bool) -> QoSP
 
 
 def offered_qos(node: Node, output: Named, private: str) -> QoSProfile | None:
-    """Return what the public topic of an output offers: what the replica's own publisher does; None without one.
+    """Return the QoS that an output's public topic offers: that of the replica's own publisher; None without one.
 
-    Reliable, so that every subscriber matches, but where the output says otherwise. A deadline or liveliness that the
-    replica promises is promised to the consumers as well: subscribers that ask for one hear nobody else. Messages
-    that the replica lets end (lifespan) end here too.
+    It is reliable, so that every subscriber matches, unless the output declares otherwise. A deadline or liveliness
+    that the replica promises is promised to the consumers as well: subscribers that ask for one match no other
+    publisher. Messages to which the replica gives a lifespan get it here too.
 
     Args:
-        node: of ours, whose graph is read.
+        node: of the agent, whose graph is read.
         output: its parameters.
         private: topic of the replica.
     """
@@ -76,8 +76,8 @@ def offered_qos(node: Node, output: Named, private: str) -> QoSProfile | None:
 
 
 def unheard(node: Node, topic: str) -> tuple[str, str] | None:
-    """Return the problem that subscribers ask for more than `node` offers on a topic, None when all can hear."""
-    # As the graph has both: there an absent duration is infinite, in a profile of ours it is 0.
+    """Return the problem that subscribers request more than `node` offers on a topic; None if all match."""
+    # Taken from the graph, too: there an absent duration is infinite, in a profile made here it is 0.
     ours = [i.qos_profile for i in node.get_publishers_info_by_topic(topic) if i.node_name == node.get_name()]
     deaf = sorted(
         f"{info.node_name} ({reason.strip()})" for info in node.get_subscriptions_info_by_topic(topic)
@@ -95,30 +95,30 @@ def endpoint(info: TopicEndpointInfo) -> Endpoint:
 
 
 def named_type(name: str, type_hash: str) -> str:
-    """Return a type as the two sides compare it: its name, and behind a blank its hash if there is one."""
+    """Return a type as the two sides compare it: its name, then a blank and its hash if there is one."""
     return f"{name} {type_hash}" if type_hash else name
 
 
 def graph_type_hash(node: Node, topic: str) -> str:
-    """Return the hash of the type that all publishers of a topic use; "" where rmw gives none (before Iron)."""
+    """Return the hash of the type that all publishers of a topic use; "" if rmw gives none (before Iron)."""
     hashes = {str(getattr(info, "topic_type_hash", "") or "") for info in node.get_publishers_info_by_topic(topic)}
     return hashes.pop() if len(hashes) == 1 else ""
 
 
 def own_type_hash(node: Node, topic: str) -> str:
-    """Return the hash of the type of our own publisher of a topic; "" where rmw gives none."""
+    """Return the hash of the type of this agent's own publisher of a topic; "" if rmw gives none."""
     mine = [i for i in node.get_publishers_info_by_topic(topic) if i.node_name == node.get_name()]
     hashes = {str(getattr(info, "topic_type_hash", "") or "") for info in mine}
     return hashes.pop() if len(hashes) == 1 else ""
 
 
 def publication_qos(spec: Named, latched: bool) -> QoSProfile:
-    """Return QoS for what we publish: reliable, so that every kind of subscriber can match."""
+    """Return QoS for what the agent publishes: reliable, so that every kind of subscriber can match."""
     return profile(spec, reliable=True, kept=latched)
 
 
 def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
-    """Return the declared words, `auto` filled in from the two flags."""
+    """Return the declared QoS, with `auto` filled in from the two flags."""
     if spec["reliability"] != "auto":
         reliable = spec["reliability"] == "reliable"
     if spec["durability"] != "auto":
@@ -131,7 +131,7 @@ def profile(spec: Named, reliable: bool, kept: bool) -> QoSProfile:
 
 
 def stamped(hear: OnStamped) -> WithInfo:
-    """Return a callback that hands on the publisher's stamp with each message."""
+    """Return a callback that passes on the publisher's stamp with each message."""
 
     def heard(payload: bytes, info: Mapping[str, int]) -> None:
         stamp_ns = info["source_timestamp"]
@@ -145,10 +145,10 @@ class RawSubscription:
     """A subscription that waits for type and QoS to be known, then delivers bytes.
 
     Attributes:
-        topic: what is subscribed.
+        topic: the subscribed topic.
         spec: the output or input that it belongs to.
         type_name: declared, or found in the graph.
-        type_hash: of the publishers' type, "" where it is not known.
+        type_hash: of the publishers' type, "" while it is not known.
         problem: (reason, message) for diagnostics while something is wrong.
     """
 
@@ -169,7 +169,7 @@ class RawSubscription:
             message_type(self.type_name)  # a declared type that is missing stops the start
 
     def resolve(self) -> bool:
-        """Subscribe as soon as possible; call now and then, often until it returns True."""
+        """Subscribe as soon as possible; call this repeatedly, often until it returns True."""
         name = self.type_name or graph_type(self.node, self.topic)
         qos = subscription_qos(self.node, self.topic, self.spec, self.latched)
         publishers = self.node.get_publishers_info_by_topic(self.topic)
@@ -194,7 +194,7 @@ class RawSubscription:
         return True
 
     def _mismatch(self) -> tuple[str, str] | None:
-        """Return publishers that cannot be heard with what was declared."""
+        """Return publishers that cannot match the declared QoS."""
         deaf_to = sorted(
             info.node_name for info in self.node.get_publishers_info_by_topic(self.topic)
             if qos_check_compatible(info.qos_profile, self.qos)[0] == QoSCompatibility.ERROR
@@ -206,5 +206,5 @@ class RawSubscription:
 
 
 def make_publisher(node: Node, topic: str, type_name: str, qos: QoSProfile) -> Publisher:
-    """Return a publisher for serialized bytes; raise StartError when the type is missing."""
+    """Return a publisher for serialized bytes; raise StartError if the type is missing."""
     return node.create_publisher(message_type(type_name), topic, qos)

@@ -1,6 +1,6 @@
 """Services and clients whose requests and responses are serialized bytes, taken and answered by hand.
 
-Some calls get no answer, others one after minutes: rclpy's callbacks cannot say either without standing still.
+Some calls get no answer, others one after minutes; rclpy's callbacks can do neither without blocking.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from robot_offload_agent.runtime.clock import now_s
 QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """Deeper than rclpy's: a hundred clients may call between two turns of the loop."""
 MOST_AT_ONCE = 10
-"""Messages of one topic that are handed on before others get their turn."""
+"""Messages of one topic that are handled before others get their turn."""
 LONGEST_WAIT_S = 0.1
-"""An end that is not noticed by the wait itself is noticed after this."""
+"""If the wait itself does not notice the end, it is noticed after this time."""
 
 
 class RawService:
@@ -53,7 +53,7 @@ class RawClient:
 
     Attributes:
         name: full name.
-        waiting: what is called with the response's bytes, by sequence number.
+        waiting: callbacks that take the response's bytes, by sequence number.
     """
 
     def __init__(self, node: Node, kind: Any, name: str) -> None:
@@ -63,7 +63,7 @@ class RawClient:
         self.waiting: dict[int, Callable[[bytes], None]] = {}
 
     def is_ready(self) -> bool:
-        """Return whether a server is there and both directions of it have been found."""
+        """Return whether a server is there and both its directions have been found."""
         return bool(self.entity.service_is_ready())
 
     def ask(self, request: bytes, on_response: Callable[[bytes], None]) -> int:
@@ -73,11 +73,11 @@ class RawClient:
         return sequence
 
     def forget(self, sequence: int) -> None:
-        """Wait no longer for a response."""
+        """Stop waiting for a response."""
         self.waiting.pop(sequence, None)
 
     def serve(self) -> None:
-        """Take all responses that are there; one that nobody waits for is left out."""
+        """Take all responses that are there; leave out those that are not waited for."""
         while (taken := native.take_response(self.entity.handle.pointer, self.response)) is not None:
             on_response = self.waiting.pop(taken[0], None)
             if on_response is not None:
@@ -89,9 +89,9 @@ def _unused(request: Any, response: Any) -> Any:
 
 
 class Loop:
-    """Waits for subscriptions, services and clients of one node, and for `wake`; hands on what there is.
+    """Waits for subscriptions, services and clients of one node, and for `wake`; passes on what arrives.
 
-    One thread and no executor: no callback can wait for another, so none can stand still for ever.
+    One thread and no executor: no callback can wait for another, so none can block for ever.
     """
 
     def __init__(self, node: Node) -> None:
@@ -109,8 +109,8 @@ class Loop:
         """Serve until rclpy is shut down.
 
         Args:
-            turn: called after each wait; returns when it wants to be called again at the latest, on the steady clock.
-            guarded: calls what takes one entity's messages, and keeps what it raises.
+            turn: called after each wait; returns the latest time of its next call, on the steady clock.
+            guarded: calls the function that takes one entity's messages, and keeps what it raises.
         """
         due_s = turn()
         while rclpy.ok():
@@ -118,7 +118,7 @@ class Loop:
             due_s = turn()
 
     def wait(self, wait_s: float, guarded: Callable[[Callable[[], None]], None]) -> None:
-        """Wait, and hand on what arrived."""
+        """Wait, and pass on what arrived."""
         subscriptions, services, clients = tuple(self.node.subscriptions), tuple(self.services), tuple(self.clients)
         if self.waits[0] != (subscriptions, services, clients):
             size = len(subscriptions), 1, 0, len(clients), len(services), 0

@@ -56,7 +56,7 @@ class ReplicaParameters:
         self.get = {name: node.create_client(GetParameters, f"{full}/get_parameters") for name, full in names.items()}
 
     def hear(self, stated: dict[str, Statement]) -> None:
-        """Take what the other side states."""
+        """Take the other side's statements."""
         self.compared = replica_parameters.heard(self.compared, stated)
 
     def look(self, now: float) -> None:
@@ -74,7 +74,7 @@ class ReplicaParameters:
                 self._take(name, None)
 
     def _listed(self, name: str, response: Any) -> None:
-        """Ask for the values of all that counts (ROS thread)."""
+        """Ask for the values of all parameters that count (ROS thread)."""
         found = sorted(n for n in response.result.names if replica_parameters.counts(n, self.may_differ[name]))
         names = found[:MAX_READ]
         self._call(self.get[name], GetParameters.Request(names=names), partial(self._got, name, names))
@@ -93,7 +93,7 @@ class ReplicaParameters:
         self.compared = replica_parameters.read(self.compared, name, table)
 
     def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
-        """Call, and forget the call before: rclpy keeps one without an answer for ever."""
+        """Call, and forget the call before: rclpy keeps an unanswered one for ever."""
         before = self.pending.get(client)
         if before is not None:
             client.remove_pending_request(before)

@@ -36,9 +36,9 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 BEAT_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 Problem = tuple[str, str]
 LISTENED_S = 0.5
-"""How often it is looked whether anybody listens to the beats."""
+"""Interval of the checks for subscribers to the beats."""
 SHOWN_S = 0.1
-"""How often a beat is shown to those who listen: each costs as much as a decision."""
+"""Interval at which a beat is published to subscribers: each costs as much as a decision."""
 
 
 def describe(parameter: Parameter, read_only: bool = True) -> ParameterDescriptor:
@@ -76,7 +76,7 @@ class Report:
             self.live = Live(self.switcher)
             if any(output["of_cloud"] for output in configuration.outputs):
                 self.availability = self.switcher.create_publisher(DiagnosticArray, "/offload/available", LATCHED)
-        # On DDS transports the beats themselves travel on these topics; otherwise what is heard is mirrored.
+        # On DDS transports the beats themselves travel on these topics; otherwise received beats are mirrored.
         heard = "/connectivity_test_remote" if self.side is Site.ROBOT else "/connectivity_test_local"
         self.mirror = None
         self.is_listened_to, self.listened_due_s, self.shown_due_s = False, 0.0, 0.0
@@ -98,14 +98,14 @@ class Report:
         )
         if has_parameters:
             for key, parameter in GENERAL.items():
-                # What the cloud may change is shown as it is; that nobody else sets it is seen to in `_guarded`.
+                # What the cloud may change is shown as it is; `_guarded` ensures that no other program sets it.
                 fixed = key not in RUN_TIME or self.side is Site.CLOUD
                 node.declare_parameter(key, self.configuration[key], describe(parameter, fixed))
             node.add_on_set_parameters_callback(self._guarded)
         return node
 
     def _guarded(self, parameters: Sequence[Any]) -> SetParametersResult:
-        """Refuse to set settings of the resource by hand."""
+        """Refuse to set the resource's settings by hand."""
         names = [p.name for p in parameters if p.name in RUN_TIME]
         if names and not self.showing:
             reason = f"{', '.join(names)}: comes from the resource; change it there, or set override to move the robot"
@@ -134,7 +134,7 @@ class Report:
         return services.LOCAL if self.configuration["link.type"] == "ros" else {**services.LOCAL, **services.CLOUD}
 
     def declare_override(self, override: Override, changed: Callable[[], None]) -> None:
-        """Take the one parameter that can be set at run time: the maintenance override, and for how long."""
+        """Declare the one parameter that can be set at run time: the maintenance override, with its duration."""
         node = self.switcher
         words = ", ".join(WORDS)
         node.declare_parameter(
@@ -145,7 +145,7 @@ class Report:
         )
 
         def given_for_s(parameters: Iterable[Any]) -> float:
-            """Take the expiry, set together with the override or before."""
+            """Return the expiry that is set together with the override or was set before."""
             given = [p.value for p in parameters if p.name == "override_for_s"]
             return float(given[-1] if given else node.get_parameter("override_for_s").value)
 
@@ -165,7 +165,7 @@ class Report:
         node.add_on_set_parameters_callback(on_set)
 
     def show_override(self, word: str) -> None:
-        """Set the parameter as a person would, from any thread."""
+        """Set the parameter as the user would, from any thread."""
         node = self.switcher
         if node.executor is not None:
             node.executor.create_task(node.set_parameters, [NodeParameter("override", value=word)])
@@ -173,7 +173,7 @@ class Report:
     # -- publishing ---------------------------------------------------------------------------------------------------
 
     def note(self, key: str, problem: Problem | None) -> None:
-        """Keep or clear a problem; each new one is logged once."""
+        """Keep or clear a problem; log each new one once."""
         if problem is None:
             self.problems.pop(key, None)
         elif self.problems.get(key) != problem:
@@ -209,7 +209,7 @@ class Report:
         self.availability.publish(array)
 
     def mirror_beat(self, text: str, beat: Beat) -> None:
-        """Publish what was heard, for people and other monitors: ten a second."""
+        """Publish a received beat, for people and other monitors: ten a second."""
         now = now_s()
         if self.mirror is None or now < self.shown_due_s:
             return

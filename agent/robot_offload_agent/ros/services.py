@@ -29,7 +29,7 @@ class SwitchServices:
         self.node = node
 
     def handler(self, site: Site) -> Callable[[Any, Any], Any]:
-        """Return a service callback that waits for the answer without holding up the executor."""
+        """Return a service callback that waits for the answer without blocking the executor."""
 
         async def handle(_request: Any, response: Any) -> Any:
             future = Future(executor=self.node.executor)

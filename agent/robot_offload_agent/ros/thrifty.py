@@ -1,8 +1,8 @@
-"""rclpy's executor with a wait set that is kept.
+"""rclpy's executor with a persistent wait set.
 
-For each wake-up rclpy collects every entity of every node, enters and leaves each and makes a wait set anew: 1 ms for
-the 60 entities of a control process, 50 times a second on a robot with twenty managed nodes. Here the wait is over a
-set that is kept, and the executor is shown those entities alone that are ready.
+For each wake-up rclpy collects every entity of every node, enters and leaves each and makes a new wait set: 1 ms for
+the 60 entities of a control process, 50 times a second on a robot with twenty managed nodes. Here the wait set is
+kept, and the executor sees only the entities that are ready.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from rclpy.node import Node
 from rclpy.waitable import NumberOfEntities
 
 LONGEST_WAIT_S = 0.2
-"""An end that is not noticed by the wait itself is noticed after this."""
+"""If the wait itself does not notice the end, it is noticed after this time."""
 KINDS = ("subscriptions", "guards", "timers", "clients", "services")
-"""Of entities, as a node names them and in the order of a wait set's sizes."""
+"""Kinds of entities, as a node names them and in the order of a wait set's sizes."""
 
 
 class Ready:
-    """What is ready of one node; the executor takes it for the node."""
+    """The ready entities of one node; the executor takes this object for the node."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -34,7 +34,7 @@ class Ready:
         self.services: list[Any] = []
 
     def take(self, wait_set: Any) -> int:
-        """Take what a wait has found ready; return how much that is."""
+        """Take what a wait has found ready; return how many there are."""
         self.waitables = [waitable for waitable in self.node.waitables if waitable.is_ready(wait_set)]
         found = len(self.waitables)
         for kind in KINDS:
@@ -46,7 +46,7 @@ class Ready:
 
 
 class ThriftyExecutor(SingleThreadedExecutor):
-    """See the module. Nodes are added before it spins; their entities may come and go on its own thread."""
+    """The executor with a kept wait set. Add nodes before it spins; entities may come and go on its own thread."""
 
     def __init__(self, nodes: Iterable[Node]) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class ThriftyExecutor(SingleThreadedExecutor):
             self.add_node(shown.node)
 
     def get_nodes(self) -> list[Any]:
-        """Return what is ready of the nodes in their place."""
+        """Return the ready entities in place of the nodes."""
         return list(self._shown)
 
     def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Any:
@@ -68,7 +68,7 @@ class ThriftyExecutor(SingleThreadedExecutor):
         return task
 
     def spin_while(self, goes_on: Callable[[], bool]) -> None:
-        """Execute what is ready, until that is no longer wanted or ROS is shut down."""
+        """Execute what is ready, until `goes_on` ends it or ROS is shut down."""
         try:
             while goes_on():
                 self._turn()

@@ -1,4 +1,4 @@
-"""What the group's nodes publish, serve and call that nobody declared, each with the line to add."""
+"""Undeclared topics, services and calls of the group's nodes, each with the line to add."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Named = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Undeclared:
-    """Warnings about one duplicated node, empty where there is nothing to say.
+    """Warnings about one duplicated node; empty if there are none.
 
     Attributes:
-        publishes: topics that would be heard from both sides.
+        publishes: topics that consumers would hear from both sides.
         serves: services and actions that only this side's replica answers.
         calls: services and actions outside the group.
     """
@@ -37,7 +37,7 @@ class Undeclared:
 
 
 class Declared:
-    """Asks the graph what the nodes of the group do, and compares that with the declarations of one side."""
+    """Compares what the graph shows of the group's nodes with the declarations of one side."""
 
     def __init__(self, configuration: Configuration, node: Any) -> None:
         self._configuration = configuration
@@ -70,7 +70,7 @@ class Declared:
         return found
 
     def _asked(self, kind: str, full: str) -> Named | None:
-        """Return what a node has of a kind; None when the node is not in the graph."""
+        """Return a node's names of a kind; None if the node is not in the graph."""
         namespace, _, short = full.rpartition("/")
         try:
             found = getattr(self._node, f"get_{kind}_names_and_types_by_node")(short, namespace or "/")
@@ -79,7 +79,7 @@ class Declared:
         return tuple(sorted((name, types[0]) for name, types in found))
 
     def _strange(self, named: Iterable[tuple[str, str]], full: str) -> list[tuple[str, str]]:
-        """Return what is neither declared, nor silent, nor the node's own."""
+        """Return names that are neither declared, nor silent, nor the node's own."""
         known = self._topics | self._services
         return [
             (name, type_name)

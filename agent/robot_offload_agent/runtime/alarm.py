@@ -20,10 +20,10 @@ class _Times(ctypes.Structure):
 
 
 class Alarm:
-    """See the module; a timerfd of the steady clock (`clock.now_s`)."""
+    """A timerfd of the steady clock (`clock.now_s`)."""
 
     def __init__(self) -> None:
-        """Make one that rings never.
+        """Make a timer that is not set.
 
         Raises:
             OSError: the system gives none.
@@ -34,14 +34,14 @@ class Alarm:
             raise OSError(ctypes.get_errno(), "timerfd_create")
 
     def set(self, at_s: float) -> None:
-        """Let it ring once at a time, at once if that has passed, and not at the time that was set before."""
+        """Let the timer expire once at a time, at once if that has passed; this replaces the time set before."""
         at_s, at_ns = divmod(max(1, round(at_s * _NANOSECONDS)), _NANOSECONDS)
         times = _Times(0, 0, at_s, at_ns)
         if self._library.timerfd_settime(self._file, _ABSOLUTE, ctypes.byref(times), None) < 0:
             raise OSError(ctypes.get_errno(), "timerfd_settime")
 
     def wait(self, longest_s: float) -> bool:
-        """Return True as soon as it rings, False after `longest_s` without."""
+        """Return True as soon as it expires, False after `longest_s` without."""
         rings, _, _ = select.select([self._file], [], [], longest_s)
         with contextlib.suppress(BlockingIOError):  # put off meanwhile
             if rings:
@@ -50,5 +50,5 @@ class Alarm:
         return False
 
     def close(self) -> None:
-        """Give it back."""
+        """Close the timer."""
         os.close(self._file)

@@ -14,7 +14,7 @@ PERIOD_S = 0.5
 class Beacon:
     """Collects the signs of a process's threads; whichever thread comes first sends them on.
 
-    A sign carries the age of the oldest one, so one thread that hangs is noticed while the others go on.
+    A sign carries the age of the oldest one, so a hanging thread is noticed while the others go on.
     """
 
     def __init__(self, bus: Bus, *threads: str) -> None:
@@ -28,5 +28,5 @@ class Beacon:
         now = self.signed_s[thread] = now_s()
         if now >= self.due_s:
             self.due_s = now + PERIOD_S
-            # Nothing hurries: the supervisor looks at its inbox as often as this by itself.
+            # No hurry: the supervisor reads its inbox as often as this by itself.
             self.bus.renew("supervisor", Alive(self.bus.name, os.getpid(), now - min(self.signed_s.values())))

@@ -1,16 +1,16 @@
-"""How the processes of one agent talk: unix datagrams in the runtime folder, one socket per process.
+"""How the processes of one agent communicate: unix datagrams in the runtime folder, one socket per process.
 
-Losing a datagram loses nothing: everything that matters is a level, sent again with every beat period. A sender never
-waits. The kernel charges what nobody has read yet to the socket that sent it, so there is one sending socket for each
-receiver: one that is stopped holds up nothing but what is meant for itself.
+A lost datagram does no harm: everything that matters is a level, sent again with every beat period. A sender never
+waits. The kernel charges unread datagrams to the socket that sent them, so there is one sending socket for each
+receiver: a stopped receiver holds up only its own datagrams.
 
-To wake a process up costs more than what it does with most messages. So a level that is only repeated lies in the inbox
-until its receiver wakes for another reason, and what is new rings a bell, a second socket, which is what control, data
-and collector wait for. There is one inbox, so what is new never overtakes what was sent before.
+Waking a process costs more than it does with most messages. So a level that is only repeated stays in the inbox until
+its receiver wakes for another reason. A new message rings a bell, a second socket, for which control, data and
+collector wait. There is one inbox, so a new message never overtakes what was sent before.
 
 A datagram is one kind byte and a body: for `MESSAGE` JSON `[name, fields]` of a registered dataclass, for `ENVELOPE`
-and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. What is said with every
-beat is a record, see `records.py`. A payload above `MAX_INLINE` travels beside its datagram, see `parcels.py`.
+and `PASSED` an output index, a header and the payload, for `LETTERS` the bytes of `Letters`. Messages sent with every
+beat are records, see `records.py`. A payload above `MAX_INLINE` travels beside its datagram, see `parcels.py`.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ MAX_INLINE = 64 << 10
 MAX_DATAGRAM = 190_000
 """Largest datagram with the kernel's default socket buffers (212,992 bytes less its own accounting)."""
 FULL = 8
-"""So many datagrams in a row mean that the inbox was nearly full: many kernels hold ten."""
+"""This many datagrams in a row mean that the inbox was nearly full: many kernels hold ten."""
 _BESIDE = {ENVELOPE: b"E", PASSED: b"P", OTHERS: b"O", LETTERS: b"L"}
 _KINDS = {beside: kind for kind, beside in _BESIDE.items()}
 _RIGHTS_BYTES = socket.CMSG_SPACE(array.array("i").itemsize)
@@ -89,7 +89,7 @@ class Bus:
 
     Attributes:
         dropped: datagrams that could not be sent.
-        garbage: datagrams that were no message of ours.
+        garbage: datagrams that were not valid messages.
         too_large: size in bytes of the largest payload refused, by label.
     """
 
@@ -115,14 +115,14 @@ class Bus:
 
     @property
     def news(self) -> socket.socket:
-        """Return what to select for in a process that wakes for what is new alone: the bell.
+        """Return the descriptor to select for in a process that wakes only for new messages: the bell.
 
-        While the inbox fills up faster than it is read, by whoever, it is the inbox.
+        While the inbox fills up faster than it is read, return the inbox.
         """
         return self.socket if self.last_row >= FULL else self.bell
 
     def send(self, to: str, message: Any) -> bool:
-        """Send Letters or a registered dataclass; return False when the receiver is absent or full."""
+        """Send Letters or a registered dataclass; return False if the receiver is absent or full."""
         if isinstance(message, Letters):
             return self._carry(to, LETTERS, b"", message.data, "letters", reliable=True)
         sent = self._send(to, _written(message))
@@ -130,7 +130,7 @@ class Bus:
         return sent
 
     def renew(self, to: str, message: Any) -> bool:
-        """Send a level that has not changed: its receiver reads it when it wakes for another reason."""
+        """Send an unchanged level: its receiver reads it when it wakes for another reason."""
         return self._send(to, _written(message))
 
     def carry(
@@ -144,11 +144,11 @@ class Bus:
             index: of the output.
             header: the envelope's header.
             payload: up to `parcels.LARGEST_BYTES`.
-            label: the output's name, for what is counted.
-            reliable: best effort makes room for others when the receiver does not keep up with large messages.
+            label: the output's name, for the counters.
+            reliable: False: the message makes room for others if the receiver does not keep up with large messages.
 
         Returns:
-            False when it could not be sent: the receiver is absent or full, or the payload is too large.
+            False if it could not be sent: the receiver is absent or full, or the payload is too large.
         """
         return self._carry(to, kind, index.to_bytes(2, "big") + header, payload, label, reliable)
 
@@ -194,7 +194,7 @@ class Bus:
         return False
 
     def _ring(self, to: str) -> None:
-        """Wake a receiver; one whose bell is full of rings is woken already."""
+        """Wake a receiver; one whose bell is full of rings is already being woken."""
         outgoing, _ = self.outgoing.get(to) or self._open(to)
         with contextlib.suppress(OSError):
             outgoing.sendto(b"", f"{self.folder}/{to}.bell")
@@ -207,7 +207,7 @@ class Bus:
             return self.outgoing[to]
 
     def receive(self) -> Any | None:
-        """Return the next datagram as an object, None without one; garbage is counted, logged once and left out."""
+        """Return the next datagram as an object, None without one; count garbage, log it once and skip it."""
         if not self.row:  # before the first of a row is read: what comes later rings again
             self._hush()
         while True:
@@ -277,7 +277,7 @@ def _files(rights: list[tuple[int, int, bytes]]) -> list[int]:
 
 
 def _read(datagram: bytes, files: list[int]) -> Any | None:
-    """Read a datagram; None for one whose payload its sender has given up meanwhile."""
+    """Read a datagram; return None if its sender has given up its payload meanwhile."""
     kind = datagram[:1]
     if kind in (records.ARRIVED, records.SPEAK):
         return records.unpacked(datagram)
@@ -301,7 +301,7 @@ def _read(datagram: bytes, files: list[int]) -> Any | None:
 
 
 def _beside(kind: bytes, files: list[int]) -> bytes | None:
-    """Return the payload in the file that came with a datagram; None when its sender has given it up."""
+    """Return the payload in the file that came with a datagram; None if its sender has given it up."""
     if len(files) != 1:
         raise ValueError(f"{len(files)} files with kind {kind!r}")
     return parcels.unpack(files.pop())

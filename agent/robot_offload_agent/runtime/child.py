@@ -1,4 +1,4 @@
-"""One supervised process: its life as the supervisor sees it, and what it does first after the fork."""
+"""One supervised process: its life as the supervisor sees it, and its first actions after the fork."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from robot_offload_core.words.messages import Fatal
 log = logging.getLogger(__name__)
 
 HEALTHY_S = 10.0
-"""A process that ran for this long starts again at once when it dies; quicker deaths wait longer each time."""
+"""A process that ran this long starts again at once when it dies; after quicker deaths it waits longer each time."""
 RESTART_UNIT_S = 0.05
 RESTART_MAX_S = 5.0
 START_PATIENCE_S = 30.0
-"""A process gives its first sign of life by then: joining a ROS graph through a distant server takes seconds."""
+"""Limit for a process's first sign of life: joining a ROS graph through a distant server takes seconds."""
 HUNG_S = 6.0
-"""A process without a sign of life for so long hangs: 12 signs are missing. A busy machine holds one up for less."""
+"""A process without a sign of life for this long hangs: 12 signs are missing. A busy machine delays one by less."""
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""What ends a process; blocked between the fork and the handlers of the child, so that none is lost."""
+"""Signals that end a process; blocked between the fork and the handlers of the child, so that none is lost."""
 
 Run = Callable[[], None]
 
@@ -42,14 +42,14 @@ class Child:
 
     Attributes:
         name: also of its socket, of its pid file, and the end of the name that ps shows.
-        run: what it does.
+        run: its task.
         hung_s: silence after which it counts as hanging.
         pid: 0 while it is dead.
         starts, deaths, hangs: how often it started, died by itself, and was ended because it hung.
         broken: how many of the deaths were for a broken invariant.
         started_s, start_due_s: of its present or next life.
         signed_s: its last sign of life, None before the first one of a life.
-        given_up: it hung in this life and is being killed; what it still says does not count.
+        given_up: it hung in this life and is being killed; its further signs do not count.
         quick_deaths: in a row.
     """
 
@@ -73,12 +73,12 @@ class Child:
         self.given_up = False
 
     def sign(self, now_s: float) -> None:
-        """Note a sign of life of the process."""
+        """Record a sign of life of the process."""
         if not self.given_up:
             self.signed_s = now_s
 
     def end(self, now_s: float, code: int) -> float:
-        """End a life with an exit code; return in how many seconds the next one begins."""
+        """End a life with an exit code; return the seconds until the next one begins."""
         self.broken += code == BROKEN_EXIT
         self.quick_deaths = 0 if now_s - self.started_s >= HEALTHY_S else self.quick_deaths + 1
         wait_s = min(RESTART_MAX_S, RESTART_UNIT_S * 2 ** (self.quick_deaths - 2)) if self.quick_deaths > 1 else 0.0
@@ -86,12 +86,12 @@ class Child:
         return wait_s
 
     def give_up(self, now_s: float) -> None:
-        """Note that the process hangs and is being killed; it is killed again after as long a wait if it lives on."""
+        """Record that the process hangs and is being killed; if it lives on, it is killed again after the same wait."""
         self.hangs += not self.given_up
         self.given_up, self.signed_s = True, now_s
 
     def silent_s(self, now_s: float) -> float:
-        """Return by how much the process has been silent for longer than it may be; negative while all is well."""
+        """Return by how many seconds the process has exceeded its allowed silence; negative while all is well."""
         if self.signed_s is None:
             return now_s - self.started_s - START_PATIENCE_S
         return now_s - self.signed_s - self.hung_s
@@ -124,7 +124,7 @@ def run_child(child: Child, prefix: str, folder: Path, name: str) -> None:
 
 
 def _named(name: str) -> socket.socket | None:
-    """Take a name by which the next supervisor finds this process when ours is gone; nothing else depends on it."""
+    """Take a name by which the next supervisor finds this process after its own is gone; nothing else depends on it."""
     try:
         held = identity.take(name)
     except OSError as error:

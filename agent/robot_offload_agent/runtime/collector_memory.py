@@ -1,7 +1,7 @@
-"""What the collector has reached, in a file of the runtime folder: for its next life, and for whoever asks who holds.
+"""The collector's state in a file of the runtime folder: for its next life, and for processes that ask who holds.
 
-The fence writes the record and reads it. Another process may read while the collector writes, so a reader takes what is
-whole only.
+The fence encodes and decodes the record. Another process may read while the collector writes, so a reader takes only
+what is whole.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NOBODY = Holding(Site.ROBOT, 0, Token("", 0, ""))
 
 
 class Memory:
-    """The charge reached so far; the collector's end of the file."""
+    """The collector's end of the file: the charge reached so far."""
 
     def __init__(self, folder: Path) -> None:
         path = folder / FILE_NAME
@@ -50,13 +50,13 @@ class Memory:
             self.map[:] = written.ljust(MEMORY_BYTES, b"\0")
 
     def load(self) -> tuple[Charge, int, bool, int] | None:
-        """Return (charge, started_us, fell_back, stay); None when nothing whole is there."""
+        """Return (charge, started_us, fell_back, stay); None if there is no whole record."""
         found = memory.read(self.map[:])
         return None if found is None else (found.charge, found.started_us, found.fell_back, found.stay)
 
 
 class HolderView:
-    """Who holds, as another process reads it from the collector's memory; cheap enough for each decision."""
+    """The holder, as another process reads it from the collector's memory; cheap enough for each decision."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE_NAME
@@ -64,7 +64,7 @@ class HolderView:
         self.seen, self.last = b"", NOBODY
 
     def look(self) -> Holding:
-        """Return who holds now; while nothing whole is there what was read last holds."""
+        """Return the present holder; without a whole record, the one that was read last."""
         if self.map is None:
             try:
                 with self.path.open("rb") as file:

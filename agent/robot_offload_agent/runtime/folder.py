@@ -13,7 +13,7 @@ def prepare(folder: Path) -> None:
     """Make the runtime folder, or check the one that exists.
 
     Raises:
-        ConfigurationError: it cannot be made, or another user could exchange what is in it.
+        ConfigurationError: it cannot be made, or another user could exchange its content.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -32,7 +32,7 @@ def _check(path: Path) -> None:
         )
     ours = found.st_gid in (0, os.getegid())
     open_to_others = found.st_mode & stat.S_IWOTH or (found.st_mode & stat.S_IWGRP and not ours)
-    # With the sticky bit nobody can exchange what is another's. What a container mounts is its own.
+    # With the sticky bit no user can exchange another's files. A container's mounts are its own.
     if open_to_others and not found.st_mode & stat.S_ISVTX and not path.is_mount():
         raise ConfigurationError(
             f"parameter runtime_dir: other users may write to {path} (mode {stat.S_IMODE(found.st_mode):04o}); "

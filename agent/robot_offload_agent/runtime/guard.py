@@ -1,4 +1,4 @@
-"""One bad message ends no process: what it raises is counted, logged once, and the next message is taken."""
+"""Ensures that one bad message ends no process: its exception is counted and logged once, the next message taken."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Guard:
         return None
 
     def __exit__(self, kind: object, error: BaseException | None, _: TracebackType | None) -> bool:
-        """Take an exception; what is wrong with ourselves is none of a message and go on."""
+        """Count an exception of a message; let errors of the process itself go on."""
         if not isinstance(error, Exception) or isinstance(error, InvariantError | AssertionError):
             return False
         if self.is_up():

@@ -1,6 +1,6 @@
-"""The newest beat of the partner, in a small memory file: pulse writes each, data looks when it sends something.
+"""The newest beat of the partner, in a small memory file: pulse writes each, data reads it when it sends something.
 
-As a datagram it would wake the data process for each beat, which costs more than everything that it does then.
+As a datagram it would wake the data process for each beat, which costs more than all the work that follows.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class HeardMemory:
     """The pulse process's end."""
 
     def __init__(self, folder: Path) -> None:
-        """Open the file; what an earlier pulse process heard stands there until the next beat.
+        """Open the file; the last beat of an earlier pulse process stays there until the next one.
 
         Raises:
             OSError: the folder cannot be written.
@@ -38,7 +38,7 @@ class HeardMemory:
             self.map = mmap.mmap(file.fileno(), MEMORY_BYTES)
 
     def write(self, heard: Heard) -> None:
-        """Replace what is there."""
+        """Replace the beat in the file."""
         body = LAYOUT.pack(heard.incarnation.encode("ascii", "replace"), heard.sent_us, heard.arrived_s)
         self.map[:] = body + CHECKSUM.pack(zlib.crc32(body))
 
@@ -52,7 +52,7 @@ class HeardView:
         self.bytes = b""
 
     def news(self) -> Heard | None:
-        """Return the newest beat; None when there is none that is newer than at the last look."""
+        """Return the newest beat; None if it is not newer than at the last look."""
         if self.map is None:
             try:
                 with self.path.open("rb") as file:

@@ -2,7 +2,7 @@
 
 An identity is the name of an abstract unix socket. The kernel keeps such names for each network namespace, so
 containers on the host's network share them, and frees a name when its holder dies. A connection shows who listens
-(`SO_PEERCRED`), so nobody has to trust a number in a file, of an earlier boot or of a process that ended long ago.
+(`SO_PEERCRED`), so no number in a file, of an earlier boot or of a dead process, has to be trusted.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from dataclasses import dataclass
 
 _PREFIX = "\0robot-offload/"
 _BACKLOG = 128
-"""Questions that may wait for an answer; nobody answers them, the kernel has done so."""
+"""Connections that may wait; they need no answer, because the kernel has given it."""
 _CREDENTIALS = struct.Struct("3i")
 _POLL_S = 0.01
 
 
 @dataclass(frozen=True)
 class Holder:
-    """Who holds a name.
+    """The process that holds a name.
 
     Attributes:
-        pid: process id; 0 when it lives in a container whose processes cannot be seen from here.
-        user: user id; -1 when it is not known.
+        pid: process id; 0 if it lives in a container whose processes cannot be seen from here.
+        user: user id; -1 if it is not known.
     """
 
     pid: int
@@ -39,7 +39,7 @@ class Holder:
 def take(name: str) -> socket.socket | Holder:
     """Take a name for as long as the returned socket, or a copy of it in another process, is open.
 
-    Returns the holder instead when somebody else has the name.
+    Return the holder instead if another process has the name.
 
     Raises:
         OSError: this process may take no such name at all.
@@ -57,7 +57,7 @@ def take(name: str) -> socket.socket | Holder:
 
 
 def holder(name: str) -> Holder | None:
-    """Return who holds a name, None when nobody does."""
+    """Return the holder of a name, or None."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as asking:
         try:
             asking.connect(_PREFIX + name)
@@ -77,7 +77,7 @@ def answer(taken: socket.socket) -> None:
 
 
 def end_holder(name: str, patience_s: float) -> Holder | None:
-    """End a process of an earlier agent of ours that still holds a name; return it when it cannot be ended.
+    """End a process of an earlier agent of this user that still holds a name; return it if it cannot be ended.
 
     Processes of other users are left alone. `patience_s` bounds the wait for its end.
     """

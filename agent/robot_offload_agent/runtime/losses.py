@@ -1,4 +1,4 @@
-"""Says which messages of outputs did not get from one process of the agent to the next, by topic."""
+"""Reports, by topic, output messages that did not get from one process of the agent to the next."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Process(Protocol):
 
 
 def report(bus: Bus, process: Process) -> None:
-    """Count what was given up for newer messages; report what was too large, which stays a problem."""
+    """Count messages given up for newer ones; report those that were too large, which stays a problem."""
     for topic, count in bus.losses().items():
         process.counters[f"{topic}.given_up"] = count
     for topic, size in bus.too_large.items():

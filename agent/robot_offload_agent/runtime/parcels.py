@@ -1,8 +1,8 @@
 """Payloads too large for a datagram: they go in memory files whose descriptors travel with the datagram.
 
-What is on its way takes memory until its receiver reads it, so it is bounded: the oldest make room, best effort first.
-Sender and receiver share each file. Emptying it means "taken" when the receiver does so and "taken back" when the
-sender does, so neither needs another message for that.
+A payload takes memory until its receiver reads it, so the total is bounded: the oldest make room, best effort first.
+Sender and receiver share each file. Emptying it means "taken" if the receiver does so and "taken back" if the sender
+does, so neither needs another message for that.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 LARGEST_BYTES = 16 << 20
 """Largest payload."""
 TOTAL_BYTES = 64 << 20
-"""On their way from one process, unread, to all others."""
+"""Limit of the unread bytes from one process to all others."""
 TOTAL_COUNT = 64
-"""The same in number: each takes a file descriptor."""
+"""Limit of their number: each takes a file descriptor."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Parcels:
         self.lost: Counter[str] = Counter()
 
     def pack(self, payload: bytes, label: str, reliable: bool) -> Parcel:
-        """Put a payload into a memory file, for which older ones may have to go.
+        """Put a payload into a memory file; give up older ones if needed.
 
         Raises:
             OSError: the system is out of memory or of file descriptors.
@@ -70,7 +70,7 @@ class Parcels:
         os.close(parcel.file)
 
     def close(self) -> None:
-        """Close this side's descriptors; what is on its way arrives."""
+        """Close this side's descriptors; what is on its way still arrives."""
         while self.waiting:
             os.close(self.waiting.popleft().file)
 
@@ -87,7 +87,7 @@ class Parcels:
 
 
 def unpack(file: int) -> bytes | None:
-    """Return the payload of a received memory file and frees it; None when its sender gave it up meanwhile."""
+    """Return the payload of a received memory file and free it; None if its sender gave it up meanwhile."""
     try:
         size = os.fstat(file).st_size
         payload = os.pread(file, size, 0) if size <= LARGEST_BYTES else b""

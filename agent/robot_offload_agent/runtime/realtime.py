@@ -9,17 +9,17 @@ from pathlib import Path
 PULSE_PRIORITY = 10
 DEFAULT_PRIORITY = 5
 START_PRIORITY = 1
-"""Of a collector that starts: above the load of the robot, below every process of ours that works already."""
+"""Priority of a collector that starts: above the robot's load, below every process of the agent that already works."""
 
 
 def request(wanted: bool, priority: int) -> str:
     """Put all threads of this process, and those that they will start, under SCHED_FIFO.
 
-    A process asks for it when it has started: a start is a tenth of a second of computing that would hold up those that
-    work, and threads of one priority do not take turns.
+    A process asks for it when it has started: a start takes a tenth of a second of computing that would hold up the
+    processes that work, and threads of one priority do not take turns.
 
     Returns:
-        `fifo` or `normal`, or a warning that says how to permit it.
+        `fifo` or `normal`, or a warning that states how to permit it.
     """
     if not wanted:
         return "normal"

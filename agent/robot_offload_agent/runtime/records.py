@@ -1,7 +1,7 @@
 """The two messages that are sent with every beat, as records: fixed places instead of JSON and type hints.
 
-What runs 50 times a second runs with cold caches; there JSON with its types takes a third longer on the way in and half
-as long again on the way out. What does not fit a record is sent as any other message.
+Code that runs 50 times a second runs with cold caches; there JSON with its types takes a third longer to read and half
+as long again to write. A message that does not fit a record is sent like any other.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from robot_offload_core.words.messages import Arrived, PulseSent, Speak
 ARRIVED = b"a"
 SPEAK = b"s"
 _ARRIVED = struct.Struct("<dqdB")
-"""When it arrived, wall_us, when ours was sent, flags; then the beat."""
+"""Arrival time, wall_us, sending time of this side's beat, flags; then the beat."""
 _SENT, _GRANTED = 1, 2
 _SPEAK = struct.Struct("<dqqBB")
-"""When it was said, epoch, lease_us, flags, length of our incarnation; then that and the cloud's."""
+"""Time of the order, epoch, lease_us, flags, length of this side's incarnation; then that and the cloud's."""
 _MAY_ACT, _IN_CHARGE, _PRESENT = 1, 2, 4
 
 

@@ -12,10 +12,10 @@ _METADATA = re.compile(r"robot_offload_agent-([^-]+)(-py[\d.]+)?\.(dist|egg)-inf
 
 @cache
 def release() -> str:
-    """Return the agent's version, e.g. 0.1.0; "" where the agent is not installed as a package.
+    """Return the agent's version, e.g. 0.1.0; "" if the agent is not installed as a package.
 
-    The name of the installation's folder says it. The standard library reads the same from a file in that folder, with
-    parsers of mails and archives, which take 3 MB.
+    It is read from the name of the installation's folder. The standard library reads it from a file in that folder,
+    with parsers of mails and archives, which take 3 MB.
     """
     for folder in sys.path:
         for found in sorted(Path(folder or ".").glob("robot_offload_agent-*-info")):
@@ -26,7 +26,7 @@ def release() -> str:
 
 
 def _described() -> str:
-    """Return what the metadata says, where the folder bears no version (`colcon --symlink-install`)."""
+    """Return the version in the metadata, for a folder without one in its name (`colcon --symlink-install`)."""
     from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - see release
 
     try:

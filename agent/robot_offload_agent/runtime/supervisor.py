@@ -1,11 +1,11 @@
-"""Starts the agent's processes, starts them again when they die or hang, and ends them all.
+"""Starts the agent's processes, restarts them when they die or hang, and ends them all.
 
 The processes are forked from here after the imports: they share the imported code's memory, and a dead one is back in
 tens of milliseconds. The supervisor itself never opens ROS, Zenoh or a thread, so forking is safe at any time. When it
 dies the others go on; the next supervisor ends those that are left and starts anew.
 
-Every process gives signs of life (`beacon.py`). One that gives none is killed and started again. The supervisor gives
-its own to systemd, whose watchdog does the same with the whole agent.
+Every process gives signs of life (`beacon.py`). One that gives none is killed and restarted. The supervisor gives its
+own to systemd, whose watchdog does the same with the whole agent.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ log = logging.getLogger(__name__)
 STOP_GRACE_S = 3.0
 POLL_S = 0.02
 IDLE_S = 0.5
-"""Longest sleep; the death of a child and news end it. Signs of life are read then: they bring their age along."""
+"""Longest sleep; the death of a child and news end it. Signs of life are read then; each carries its age."""
 START_S = 15.0
-"""In this time a process in its first life may end the agent with a message; later that would end a working robot."""
+"""Until then a process in its first life may end the agent with a message; later that would end a working robot."""
 LIVES_PERIOD_S = 1.0
 UNHEARD_S = 1.4
-"""Silence of a process after which it is taken for hanging when another one misses its words as well: two witnesses."""
+"""A process silent for this long counts as hanging if another process also misses its messages: two witnesses."""
 STRAY_PATIENCE_S = 3.0
-"""How long the end of a killed process may take; one that waits for a broken disk does not end."""
+"""Limit for the end of a killed process; one that waits for a broken disk does not end."""
 
 
 @dataclass
@@ -53,10 +53,10 @@ class Supervisor:
     """The parent of one side's processes.
 
     Attributes:
-        folder: runtime folder, made with access for its owner only.
+        folder: runtime folder, accessible to its owner only.
         prefix: of the process names shown by ps, e.g. `ro-robot`.
         children: in start order; ended in reverse.
-        identity: what only one agent of this host can be, e.g. `wheelchair-robot`.
+        identity: name that only one agent of this host can have, e.g. `wheelchair-robot`.
         flooded: the last turn read garbage.
     """
 
@@ -109,8 +109,8 @@ class Supervisor:
 
     def _turn(self, bus: Bus) -> None:
         now = now_s()
-        # What we slept through ourselves is nobody's silence: a stopped supervisor or a frozen host kills no process.
-        # Nor is what passes while garbage fills our inbox: signs of life that come meanwhile are dropped.
+        # Time that the supervisor itself slept counts as no process's silence: a stopped supervisor or a frozen host
+        # kills no process. Nor does time while garbage fills the inbox: signs of life that come meanwhile are dropped.
         if not self.flooded:
             self.awake_s += min(now - self.turned_s, 2 * IDLE_S)
         self.turned_s = now
@@ -134,7 +134,7 @@ class Supervisor:
             ) from error
 
     def _sleep(self, bus: Bus, wake: int) -> None:
-        """Wait for a message, the death of a child, a signal, a question who we are, or the next start."""
+        """Wait for a message, the death of a child, a signal, a question about the identity, or the next start."""
         assert self.name is not None
         due_s = min((child.start_due_s for child in self.children if not child.pid), default=float("inf"))
         sources: list[Any] = [bus.news, wake, self.name]
@@ -146,7 +146,7 @@ class Supervisor:
     # -- one of its kind ----------------------------------------------------------------------------------------------
 
     def _take_identity(self) -> None:
-        """Take the identity, and end what an earlier supervisor of it has left."""
+        """Take the identity, and end what its earlier supervisor has left."""
         try:
             taken = take(self.identity)
         except OSError as error:  # for example forbidden by a policy of the system
@@ -201,7 +201,7 @@ class Supervisor:
     def _fork(self, child: Child) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
-        # A child that is told to end before it has its own handlers would keep that to itself: see run_child.
+        # A signal that reaches the child before it has its own handlers would be lost: see run_child.
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         pid = os.fork()
         if pid:
@@ -242,7 +242,7 @@ class Supervisor:
         os.kill(child.pid, signal.SIGKILL)
 
     def _end_unheard(self, names: set[str]) -> None:
-        """End those that another process has missed for so long, if they have shown us no life either."""
+        """End processes that another process has not heard for too long, if they have shown no sign of life either."""
         for child in self.children:
             known = child.pid and not child.given_up and child.signed_s is not None
             if known and child.name in names and child.silent_s(self.awake_s) + child.hung_s >= UNHEARD_S:

@@ -1,4 +1,4 @@
-"""What systemd wants to hear of a service: that it is ready, that it lives, that it stops (sd_notify(3)).
+"""Notifies systemd that the service is ready, lives, or stops (sd_notify(3)).
 
 Without `NOTIFY_SOCKET` in the environment everything here does nothing.
 """
@@ -17,7 +17,7 @@ class Systemd:
     """The connection to the service manager that started this process."""
 
     def __init__(self) -> None:
-        """Read the environment and remove it, because child processes are no services."""
+        """Read the environment and remove it, because child processes are not services."""
         address = os.environ.pop("NOTIFY_SOCKET", "")
         period_us = os.environ.pop("WATCHDOG_USEC", "")
         meant_for = os.environ.pop("WATCHDOG_PID", str(os.getpid()))
@@ -28,7 +28,7 @@ class Systemd:
         self.due_s = 0.0
 
     def say(self, *words: str) -> None:
-        """Send assignments such as `READY=1`. Nobody waits: a manager that does not read misses them."""
+        """Send assignments such as `READY=1` without waiting: a manager that does not read misses them."""
         if not self.address:
             return
         manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)

@@ -1,4 +1,4 @@
-"""Threads whose name the system knows too: `top -H` and measurements tell them apart."""
+"""Threads whose name the system knows too: `top -H` and measurements show them separately."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the agent is told and keeps: parameters, override, offered and adopted settings, notes, files of the cluster."""
+"""The agent's settings and their storage: parameters, override, offered and adopted settings, notes, cluster files."""

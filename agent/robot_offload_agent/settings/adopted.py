@@ -1,4 +1,4 @@
-"""The robot's settings while it runs: what the cloud offers is judged, kept and then adopted."""
+"""The robot's settings while it runs: the cloud's offer is judged, stored and then adopted."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ UNKNOWN = Credential()
 
 
 class RobotSettings:
-    """Used on the deciding thread; only writing to the disk happens on another one.
+    """Runs on the deciding thread; only writing to the disk happens on another one.
 
     Attributes:
         local: the robot's file, with the hard limits.
-        present: what is in force.
-        problem: (reason, message) for diagnostics; None when all is well.
+        present: the settings in force.
+        problem: (reason, message) for diagnostics; None if there is none.
         heard: the newest notes of the cloud.
     """
 
     def __init__(
         self, local: Configuration, post: Callable[[Callable[[float], None]], None], adopt: Callable[[float], None]
     ) -> None:
-        """`adopt` is called when an offer was answered; `present` has changed when it was taken."""
+        """`adopt` is called when an offer was answered; `present` has changed if it was accepted."""
         self.local = local
         self.post = post
         self.adopt = adopt
@@ -57,12 +57,12 @@ class RobotSettings:
 
     @property
     def generation(self) -> int:
-        """Of what is in force."""
+        """Generation of the settings in force."""
         return int(self.present["generation"])
 
     @property
     def dials(self) -> str:
-        """The addresses that the bundle names, with spaces between them; "" where others than the agent dial."""
+        """The addresses that the bundle names, with spaces between them; "" if the agent itself does not dial."""
         found = dict.fromkeys((*self.local["link.pulse_endpoints"], *self.local["link.data_endpoints"]))
         return " ".join(each.partition("/")[2] for each in found if "/" in each)[:MAX_MESSAGE]
 
@@ -75,7 +75,7 @@ class RobotSettings:
         )  # fmt: skip
 
     def take(self, text: str) -> str:
-        """Note of the cloud; return what it says of its end."""
+        """Take the cloud's notes; return its announced end (`leaving`)."""
         try:
             notes = decode_cloud(text)
         except NotesError as error:
@@ -90,7 +90,7 @@ class RobotSettings:
             if judgement.configuration is None:
                 self.post(lambda now: self._kept(offer, judgement, now))
             else:
-                # Until it is on the disk nothing is answered: what was accepted must hold at an offline start.
+                # Nothing is answered until it is on the disk: what was accepted must hold at an offline start.
                 self.keeping = True
                 if not again:
                     self.judgement = Judgement(None, Answer.KEEPING, "The robot writes the settings to its disk")

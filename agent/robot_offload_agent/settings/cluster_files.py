@@ -1,4 +1,4 @@
-"""The files by which the cloud's agent and the operator meet: settings and handover in, the state out."""
+"""The files by which the cloud's agent and the operator communicate: settings and handover in, the state out."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ log = logging.getLogger(__name__)
 
 HANDOVER = re.compile(r"[A-Za-z0-9._:-]{1,128}")
 RENEW_S = 0.16
-"""The state is written again after this, also when nothing has changed: people watch the figures in it live, and its
-age says that the agent lives. With the control process's ticks of 20 ms and more these are five to six a second."""
+"""The state is written again after this, even if nothing has changed: people watch its figures live, and its age shows
+that the agent lives. With the control process's ticks of 20 ms and more these are five to six writes a second."""
 
 
 def wall_text() -> str:
@@ -54,9 +54,9 @@ class ClusterFiles:
             Watch(Path(self.certificate_file), self._answer).start()
 
     def tell(self, state: dict[str, Any], now: float, figures: Callable[[], dict[str, Any]]) -> None:
-        """Write the state when it has changed, or when the last writing is a while ago.
+        """Write the state if it has changed, or if the last writing is a while ago.
 
-        `figures` differ each time: they are worth the next writing, not one of their own.
+        `figures` differ each time: they are included in the next writing but do not cause one.
         """
         if self.writer is None or (state == self.written and now - self.written_s < RENEW_S):
             return
@@ -76,11 +76,11 @@ class ClusterFiles:
             self.happened(SettingsRead(offer))
 
     def _answer(self, text: str | None, _why: str) -> None:
-        # There is none before a robot has asked; only the robot can judge it.
+        # Before a robot has asked there is none; only the robot can judge it.
         self.happened(AnswerRead(text if text is not None and len(text) <= MAX_ANSWER else ""))
 
     def _handover(self, text: str | None, _why: str) -> None:
-        # A file that an earlier agent of this pod has answered already must not move the robot again.
+        # A handover that an earlier agent of this pod has already answered must not move the robot again.
         name = (text or "").strip()
         if not name or age_s(Path(self.handover_file)) >= LEAVING_S:
             return

@@ -1,6 +1,6 @@
 """Files that others read or write while the agent runs.
 
-Never on a deciding thread: a disk may stall for longer than a lease lasts.
+Never use them on a deciding thread: a disk may stall for longer than a lease lasts.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from robot_offload_agent.runtime.guard import Guard
 log = logging.getLogger(__name__)
 
 WATCH_PERIOD_S = 0.1
-"""A look at a file's identity takes some microseconds, and sees a mounted ConfigMap that exchanges its folder."""
+"""A look at a file's identity takes some microseconds, and notices a mounted ConfigMap that exchanges its folder."""
 GRAIN_S = 2.0
-"""Two changes of a file may bear the same time when they are nearer than this: the coarsest file systems."""
+"""Two changes of a file may have the same time if they are closer than this: the coarsest file systems."""
 TEXT_BYTES = 1 << 20
-"""Longer files are none of ours."""
+"""Longer files are not the agent's."""
 
 
 def write_whole(path: Path, text: str, *, durable: bool = False) -> None:
     """Replace a file at once: a reader sees the old text or the new one.
 
     Args:
-        path: its folder is made when it is missing.
+        path: its folder is made if it is missing.
         text: UTF-8.
-        durable: returns only when a loss of power cannot undo it.
+        durable: return only when a loss of power cannot undo it.
 
     Raises:
         OSError: it could not be written; then the old text is still there.
@@ -57,7 +57,7 @@ def read_text(path: Path) -> str:
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it is no text, or longer than any file of ours.
+        ValueError: it is not text, or longer than any file of the agent.
     """
     with path.open("rb") as file:
         data = file.read(TEXT_BYTES + 1)
@@ -67,7 +67,7 @@ def read_text(path: Path) -> str:
 
 
 class NewestWriter:
-    """Writes the newest text on a thread of its own; what was not written yet when a newer one comes is left out."""
+    """Writes the newest text on a thread of its own; an older text that is not written yet is skipped."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -77,7 +77,7 @@ class NewestWriter:
         threading.Thread(target=self._work, name="writer", daemon=True).start()
 
     def write(self, text: str) -> None:
-        """Return at once."""
+        """Pass a text to the thread; return at once."""
         self.text = text
         self.changed.set()
 
@@ -95,14 +95,14 @@ class NewestWriter:
 
 
 class Watch:
-    """Calls back with the text of a file when it is there for the first time and at each change, on its own thread.
+    """Calls back with the text of a file when it first exists and at each change, on its own thread.
 
-    A mounted ConfigMap changes by exchanging a symbolic link: then the file behind the path is another one. What was
-    written within the last look's grain of time is read again, because such a change has no other time.
+    A mounted ConfigMap changes by exchanging a symbolic link: then the file behind the path is another one. A file
+    written within the last look's grain of time is read again, because a further change would not show another time.
     """
 
     def __init__(self, path: Path, changed: Callable[[str | None, str], None]) -> None:
-        """`changed(text, "")`, or `changed(None, why)` when the file cannot be read (any more)."""
+        """`changed(text, "")`, or `changed(None, why)` if the file cannot be read (any more)."""
         self.path = path
         self.changed = changed
         self.known: tuple[str | None, str] | None = None
@@ -114,7 +114,7 @@ class Watch:
         threading.Thread(target=self._work, name="watch", daemon=True).start()
 
     def look(self) -> None:
-        """Look once, and read what looks changed."""
+        """Look once, and read the file if it looks changed."""
         seen = _appearance(self.path)
         if seen and seen == self.seen:
             return
@@ -136,7 +136,7 @@ class Watch:
 
 
 def _appearance(path: Path) -> tuple[int, ...]:
-    """Return what is another when the file is another; () when it cannot be seen."""
+    """Return the identity of a file, which differs after a change; () if the file cannot be seen."""
     try:
         found = path.stat()
     except OSError:
@@ -145,7 +145,7 @@ def _appearance(path: Path) -> tuple[int, ...]:
 
 
 def age_s(path: Path) -> float:
-    """Return how long ago a file was written, by this host's system clock; infinite when it is not there."""
+    """Return how long ago a file was written, by this host's system clock; infinity if there is none."""
     with contextlib.suppress(OSError):
         return time.clock_gettime(time.CLOCK_REALTIME) - path.stat().st_mtime
     return float("inf")

@@ -1,4 +1,4 @@
-"""What the cloud's agent does for the operator: offers settings to the robot, hands over, tells the state. Pure.
+"""The cloud agent's work for the operator: offers settings to the robot, hands over, reports the state. Pure.
 
 State in, event, state out; the shell (`cluster_files.py`) reads and writes the files, the control process carries the
 notes.
@@ -17,19 +17,19 @@ from robot_offload_core.link.momentary import Glance
 from robot_offload_core.words.events import assert_never
 
 LEAVING_S = 25.0
-"""So long the robot does not choose a cloud whose pods are going: they are killed 20 s after the wish to stop them.
+"""For this long the robot does not choose a cloud whose pods are going: they are killed 20 s after the request to end.
 
-What comes after that is not ready until its nodes are. A new agent ends it by being another one.
-"""
+After that their successors are not ready until their nodes are. A new agent ends this time, because it is another
+one."""
 VERSION = 1
 MAX_TOPICS = 64
-"""Topics in the state file: those that carried the most."""
+"""Most topics in the state file: those that carried the most."""
 
 
 class Carried(NamedTuple):
     """What crossed the link of one topic since the agent's start; `direction` is to_cloud or to_robot.
 
-    `age_ms` is that of the newest message when it came here; None: not known.
+    `age_ms` is the age of the newest message on arrival here; None: not known.
     """
 
     topic: str
@@ -45,13 +45,13 @@ class Liaison:
 
     Attributes:
         watched: there is a settings file.
-        offer: its settings; None while it cannot be read, then `problem` says why.
+        offer: its settings; None while it cannot be read, then `problem` states why.
         robot: the newest notes of the robot; None before the first of this connection.
         generation: that the robot ran when it was last heard; None never.
         connected: a robot is heard; since when it is (not).
         signs: the operator signs certificates for robots, and writes its answers to a file.
         answer: its newest answer; "" for none.
-        leaving, leaving_until_s: the end of pods asked for last; "" for none.
+        leaving, leaving_until_s: the end of pods requested last; "" for none.
         handed_over: the end of pods for which the robot acts, or for which there was no robot to act.
     """
 
@@ -86,7 +86,7 @@ class AnswerRead:
 
 @dataclass(frozen=True)
 class HandoverAsked:
-    """The handover file has got a new text."""
+    """The handover file has new content."""
 
     name: str
 
@@ -110,7 +110,7 @@ Event = SettingsRead | AnswerRead | HandoverAsked | RobotSaid | Seen
 
 
 def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
-    """Take in one event."""
+    """Process one event."""
     match event:
         case SettingsRead():
             liaison = replace(liaison, offer=event.offer, problem=event.problem)
@@ -130,7 +130,7 @@ def step(liaison: Liaison, event: Event, now_s: float) -> Liaison:
 
 
 def notes(liaison: Liaison, now_s: float) -> CloudNotes:
-    """Return what to tell the robot; settings that it could not keep are offered again and again."""
+    """Return the notes for the robot; offer settings that it could not store again and again."""
     robot = liaison.robot
     answered = robot is not None and _answered(robot, liaison.offer) and robot.reason != Answer.NOT_KEPT
     leaving = liaison.leaving if now_s < liaison.leaving_until_s else ""
@@ -180,9 +180,9 @@ def figures(
 
     Args:
         health: of the link; None: not known.
-        glance: at the link as of now.
+        glance: the link's present state.
         carried: what crossed the link so far.
-        ages_ms: how old the state was with which the cloud went on at its last change, by name of the entry.
+        ages_ms: how old the state was when the cloud last took over with it, by name of the entry.
     """
     p50, p99 = (health.round_trip_p50_ms, health.round_trip_p99_ms) if health else (None, None)
     most = sorted(carried, key=lambda topic: -topic.bytes)[:MAX_TOPICS]

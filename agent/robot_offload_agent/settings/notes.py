@@ -1,7 +1,7 @@
-"""What the two control processes tell each other besides beats: settings and their answer, and a cloud that leaves.
+"""Notes that the two control processes exchange besides beats: settings and their answer, and a cloud that leaves.
 
 Notes travel as text in the probes of the data session, ten times a second on every kind of link. They are levels: each
-says all that holds now, so a lost one loses nothing. Pure.
+states all that holds now, so a lost one does no harm. Pure.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ MAX_GENERATION = 2**53
 MAX_NAME = 128
 MAX_MESSAGE = 1024
 MAX_REQUEST = 4096
-"""Characters of a request for a certificate. One has about 1,100."""
+"""Most characters of a request for a certificate. One has about 1,100."""
 MAX_ANSWER = 16_384
 SERIAL = re.compile(r"[0-9a-f]{0,40}")
 TIME = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ)?")
 REASON = re.compile(r"[A-Za-z]{0,128}")
 DIGEST = re.compile(r"[0-9a-f]{0,64}")
 RELEASE = re.compile(r"[0-9A-Za-z.+!_-]{0,64}")
-"""Characters of a version (PEP 440), and no more of them than a person reads."""
+"""Characters of a version (PEP 440), limited to what a person reads."""
 MAX_VETOES = 16
 
 
 class NotesError(ValueError):
-    """Text that is no notes of ours."""
+    """Text that is not valid notes."""
 
 
 @dataclass(frozen=True)
 class Credential:
-    """The robot's certificate, as the cloud is to know it.
+    """The robot's certificate, as reported to the cloud.
 
     Attributes:
         serial: its serial number, hexadecimal; "" while it is not known.
@@ -62,9 +62,9 @@ class CloudNotes:
         answer: to the robot's request for one; "" for none.
         offer: settings that the robot has not answered yet; None otherwise.
         leaving: names the end of pods that was announced last; "" for none.
-        vetoes: (reason, message) of what the cloud found that forbids it.
-        parameters: what the cloud states of its nodes' parameters, by node.
-        release: of its agent, e.g. 0.1.0; "" where that is not known.
+        vetoes: (reason, message) of the cloud's findings that forbid it.
+        parameters: the cloud's statements on its nodes' parameters, by node.
+        release: of its agent, e.g. 0.1.0; "" if it is not known.
     """
 
     offer: Offer | None = None
@@ -86,10 +86,10 @@ class RobotNotes:
         left: `leaving` of the cloud that the robot has obeyed: from then on it does not choose this cloud.
         site, decided, decided_message: who is in charge, and why.
         credential: with which the robot dials.
-        parameters: what the robot states of its nodes' parameters, by node.
-        dials: addresses (host:port) of the cloud that its bundle names, with spaces between them; "" where the agent
-            dials none.
-        audit: newest entry of its audit trail, NUMBER:DIGEST; "" where there is none.
+        parameters: the robot's statements on its nodes' parameters, by node.
+        dials: addresses (host:port) of the cloud that its bundle names, with spaces between them; "" if the agent dials
+            none.
+        audit: newest entry of its audit trail, NUMBER:DIGEST; "" if there is none.
     """
 
     generation: int = 0
@@ -127,7 +127,7 @@ def encode(notes: CloudNotes | RobotNotes) -> str:
 
 
 def decode_cloud(text: str) -> CloudNotes:
-    """Note of the cloud; raise NotesError."""
+    """Read notes of the cloud; raise NotesError."""
     body = _table(text)
     leaving, offered = body.get("leaving"), body.get("offer")
     if not isinstance(leaving, str) or len(leaving) > MAX_NAME:
@@ -147,7 +147,7 @@ def decode_cloud(text: str) -> CloudNotes:
 
 
 def decode_robot(text: str) -> RobotNotes:
-    """Note of the robot; raise NotesError. What a newer robot says besides is left out."""
+    """Read notes of the robot; raise NotesError. Fields that only a newer robot sends are ignored."""
     body = _table(text)
     known = {key: value for key, value in body.items() if key in RobotNotes.__dataclass_fields__}
     known["credential"] = _credential(known.get("credential"))
@@ -165,7 +165,7 @@ def decode_robot(text: str) -> RobotNotes:
         raise NotesError("a name is too long")
     if notes.audit and parse_head(notes.audit) is None:
         raise NotesError("the head of the audit trail has another form")
-    # Texts for people go on to the operator's status, which has limits of its own.
+    # Texts for people go on to the operator's status, which has its own limits.
     return replace(
         notes,
         message=notes.message[:MAX_MESSAGE],
@@ -175,7 +175,7 @@ def decode_robot(text: str) -> RobotNotes:
 
 
 def _credential(value: object) -> Credential:
-    """Return what the robot says of its certificate; nothing of it when a part has another form."""
+    """Return the robot's report of its certificate; an empty one if a part has another form."""
     told = {key: value.get(key, "") for key in vars(Credential())} if isinstance(value, dict) else {}
     if not all(isinstance(text, str) for text in told.values()):
         return Credential()
@@ -191,7 +191,7 @@ def _stated(parameters: dict[str, Statement]) -> dict[str, list[object]]:
 
 
 def _statements(value: object) -> dict[str, Statement]:
-    """Return what the other side states of its nodes' parameters; raise NotesError."""
+    """Return the other side's statements on its nodes' parameters; raise NotesError."""
     if not isinstance(value, dict) or len(value) > MAX_NODES:
         raise NotesError(f"the parameters are no table of up to {MAX_NODES} nodes")
     found = {}
@@ -218,12 +218,12 @@ def _is_table(value: object) -> bool:
 
 
 def _release(value: object) -> str:
-    """Return the release that the cloud says; "" for anything else."""
+    """Return the release that the cloud reports; "" for anything else."""
     return value if isinstance(value, str) and RELEASE.fullmatch(value) else ""
 
 
 def _vetoes(value: object) -> tuple[tuple[str, str], ...]:
-    """Return what the cloud found that forbids it; raise NotesError."""
+    """Return the cloud's findings that forbid it; raise NotesError."""
     if not isinstance(value, list) or len(value) > MAX_VETOES:
         raise NotesError(f"the vetoes are no list of up to {MAX_VETOES}")
     found = []

@@ -1,6 +1,6 @@
-"""Settings that change at run time: which ones may, and whether the robot takes what the cloud offers. Pure.
+"""Settings that change at run time: which ones may, and whether the robot takes the cloud's offer. Pure.
 
-The robot's own file holds the hard limits: what is offered may be stricter, never looser. The reasons for each choice
+The robot's own file holds the hard limits: an offer may be stricter, never looser. The reasons for each choice
 are in docs/reference/agent-files.md.
 """
 
@@ -35,13 +35,13 @@ RUN_TIME = (
 )  # fmt: skip
 """What may change while the agents run."""
 RUN_TIME_INPUT = ("max_age_ms", "max_rate_hz")
-"""The same of each input that the robot's file declares."""
+"""The same for each input that the robot's file declares."""
 HARD_LIMITS = (
     "loss_timeout_ms", "lease_ms", "max_command_age_ms", "activation_deadline_ms", "max_clock_offset_ms",
 )  # fmt: skip
 """Never above the value in the robot's file."""
 MAX_AUTHOR = 256
-"""Characters: a field manager has 128 at most."""
+"""Most characters: a field manager has 128 at most."""
 MEMBER = re.compile(rf"({'|'.join(prefix for prefix, _ in GROUPS.values())})\.(.+)\.([a-z_]+)")
 
 
@@ -49,7 +49,8 @@ MEMBER = re.compile(rf"({'|'.join(prefix for prefix, _ in GROUPS.values())})\.(.
 class Offer:
     """Settings that the cloud offers: the parameters of one generation of the resource, by dotted name.
 
-    `author` is who changed the resource last, as the operator says, for the audit trail: no part of what is offered.
+    `author` is who changed the resource last, as the operator reports it, for the audit trail; it is not part of the
+    offer.
     """
 
     generation: int
@@ -58,7 +59,7 @@ class Offer:
 
     @property
     def digest(self) -> str:
-        """Names exactly these settings in an answer: 16 hexadecimal digits."""
+        """Name of exactly these settings in an answer: 16 hexadecimal digits."""
         text = json.dumps([self.generation, dict(self.parameters)], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -111,12 +112,12 @@ def read_offer(text: str) -> Offer:
 
 
 def author_of(value: object) -> str:
-    """Return who changed the settings, as somebody else wrote it: one line, or nothing."""
+    """Return who changed the settings, as another program wrote it: one line, or nothing."""
     return value[:MAX_AUTHOR] if isinstance(value, str) and value.isascii() and value.isprintable() else ""
 
 
 def judge(local: Configuration, running: int, offer: Offer) -> Judgement:
-    """Hold an offer against the robot's own file; `running` is the generation that runs now."""
+    """Judge an offer by the robot's own file; `running` is the generation that runs now."""
     if offer.generation < max(running, local["generation"]):
         message = (
             f"Generation {offer.generation} is older than {max(running, local['generation'])}, which the robot runs; "
@@ -145,7 +146,7 @@ def input_limits(configuration: Configuration) -> tuple[tuple[str, float, float]
 
 
 def offered_limits(configuration: Configuration, offer: Offer | None) -> tuple[tuple[str, float, float], ...]:
-    """Return the same with what an offer says of them; only for offers that the robot has taken."""
+    """Return the same with the values of an offer; only for offers that the robot has taken."""
     told = offer.parameters if offer is not None else {}
     return tuple(
         (
@@ -184,7 +185,7 @@ def _invalid(offer: Offer) -> Iterator[str]:
 
 
 def _fixed(local: Configuration, offer: Offer) -> Iterator[str]:
-    """Change of what cannot change at run time."""
+    """Yield the parameters that an offer changes although they cannot change at run time."""
     for name, value in offer.parameters.items():
         member = _member(name)
         known = local.values.get(name)

@@ -1,4 +1,4 @@
-"""The maintenance override: a pin set on the robot itself, kept over restarts, that may expire."""
+"""The maintenance override: a pin set on the robot itself, kept over restarts, with an optional expiry."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORDS = ("Auto", "Robot", "Cloud")
 
 
 def state_dir(configuration: Configuration) -> Path:
-    """Return folder for what outlives a reboot."""
+    """Return the folder for data that outlives a reboot."""
     if configuration["state_dir"]:
         return Path(configuration["state_dir"])
     base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
@@ -46,17 +46,17 @@ class Override:
         self.expire()
 
     def set(self, word: str, for_s: float) -> None:
-        """Set and keep it; `for_s` 0 means until it is set to Auto.
+        """Set and store it; `for_s` 0 means until it is set to Auto.
 
         Raises:
-            OSError: it cannot be kept; then it is not set either, because it would be forgotten by the next start.
+            OSError: it cannot be stored; then it is not set either, because it would be forgotten at the next start.
         """
         until_wall_s = _wall_s() + for_s if for_s > 0 and word != "Auto" else None
         write_whole(self.path, json.dumps({"override": word, "until": until_wall_s}), durable=True)
         self.word, self.until_wall_s = word, until_wall_s
 
     def expire(self) -> bool:
-        """Return to Auto when its time is over; return whether that was now."""
+        """Return to Auto when its time is over; return whether that happened now."""
         if self.until_wall_s is None or _wall_s() < self.until_wall_s:
             return False
         self.word, self.until_wall_s = "Auto", None

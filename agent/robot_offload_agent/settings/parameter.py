@@ -17,7 +17,7 @@ class Parameter:
     """One parameter.
 
     Attributes:
-        default: its type is the parameter's type. None: it must be given; then `kind` tells the type.
+        default: its type is the parameter's type. None: it must be given; then `kind` states the type.
         text: meaning, with unit.
         low, high: inclusive range of numbers.
         choices: the only values of a text.

@@ -1,8 +1,8 @@
 """Every ROS parameter of the agent: default, unit, range, meaning; and the configuration read from a parameter file.
 
 The file is an ordinary ROS 2 parameter file (`/**: ros__parameters:`), written by `robot-offload render` or the
-operator. Lists that are empty are written as `["none"]` because ROS parameters know no empty list. The lifecycle nodes
-declare what is here, read-only except for the pin, so `ros2 param list` and `describe` show it.
+operator. Empty lists are written as `["none"]` because ROS parameters have no empty list. The lifecycle nodes
+declare these parameters, read-only except for the pin, so `ros2 param list` and `describe` show them.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Configuration:
-    """What one agent was told. `values` holds every parameter by its full dotted name."""
+    """The configuration of one agent. `values` holds every parameter by its full dotted name."""
 
     values: Mapping[str, Any]
     nodes: tuple[Named, ...]
@@ -208,16 +208,16 @@ class Configuration:
         return tuple(input_spec(i.values) for i in self.inputs)
 
     def shape(self) -> str:
-        """Return the digest of all that beats number by its place; the two sides must have the same."""
+        """Return the digest of all that beats refer to by number; the two sides must have the same."""
         required = ((i.name, i["topic"]) for i in self.inputs if i["max_age_ms"] > 0)
         return shape.shape(required, ((o.name, o["topic"]) for o in self.outputs))
 
     def silent(self, topic: str) -> bool:
-        """Return whether a topic is one that nobody outside its side needs, by `silent`."""
+        """Return whether a topic is needed only on its own side, by `silent`."""
         return is_silent(topic, listed(self["silent"]), self["namespace"])
 
     def state_specs(self) -> tuple[StateSpec, ...]:
-        """Return what the standby gets to know; raise ConfigurationError naming the parameter that cannot work."""
+        """Return the state that the standby receives; raise ConfigurationError naming a parameter that cannot work."""
         return tuple(state_spec(state.name, state.values) for state in self.states)
 
     def relay_plan(self) -> RelayPlan | None:
@@ -257,7 +257,7 @@ def read(text: str, where: str) -> dict[str, Any]:
 
 
 def document(text: str, where: str) -> Any:
-    """Return what a YAML text holds; raise ConfigurationError."""
+    """Return the content of a YAML text; raise ConfigurationError."""
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
             raise ConfigurationError(f"{where}: aliases (`*name`) are not allowed; write each value out")
@@ -330,7 +330,7 @@ def parse(given: Mapping[str, Any]) -> Configuration:
 
 
 def contradictions(configuration: Configuration) -> Iterator[str]:
-    """Yield values that are good by themselves and cannot work together."""
+    """Yield values that are valid by themselves but cannot work together."""
     nodes = {node.name for node in configuration.nodes}
     owner: dict[str, str] = {}
     for prefix, members in (("output", configuration.outputs), ("input", configuration.inputs)):
@@ -362,7 +362,7 @@ def listed(names: list[str]) -> list[str]:
 
 
 def check(parameter: Parameter, value: Any) -> Value:
-    """Return the value in the parameter's type; raise ValueError saying what is allowed."""
+    """Return the value in the parameter's type; raise ValueError stating what is allowed."""
     if value is None:
         raise ValueError("must be given")
     if parameter.type is float and isinstance(value, int) and not isinstance(value, bool):

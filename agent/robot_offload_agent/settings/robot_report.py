@@ -1,7 +1,7 @@
-"""The robot's own numbers on their way to the cloud: one small message a second, in words that metrics are made of.
+"""The robot's own numbers for the cloud: one small message a second, in the words of metrics.
 
 The robot's control process writes it, the cloud's puts it into its state file. Nothing depends on it: it may be lost,
-late or missing, and one that is none of ours is counted and left out.
+late or missing; an invalid one is counted and skipped.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from robot_offload_core.data.process import MAX_REPORT
 
 VERSION = 1
 FRESH_S = 5.0
-"""An older report is said no more: a number that stands still is no number."""
+"""An older report is no longer shown: a number that stands still is not a measurement."""
 MOST = (32, 16, 8, 4, 0)
-"""How many entries a list may have; while the whole is too large, the longest list goes one further."""
+"""How many entries a list may have; while the whole is too large, the longest list goes one step further."""
 DEPTH = 4
 
 
 class ReportError(ValueError):
-    """Text that is no report of ours; `reason`: BadForm or OtherVersion."""
+    """Text that is not a valid report; `reason`: BadForm or OtherVersion."""
 
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(text)
@@ -38,8 +38,8 @@ def encode(incarnation: str, plain: Mapping[str, Any], lists: Mapping[str, Mappi
 
     Args:
         incarnation: of the robot's control process.
-        plain: what is always said.
-        lists: entries by name, the most important first; those that have no room are left out, and their number said.
+        plain: values that are always included.
+        lists: entries by name, the most important first; those without room are left out, and their number is given.
     """
     steps = dict.fromkeys(lists, 0)
     cut = {name: _first(entries, MOST[0]) for name, entries in lists.items()}
@@ -65,16 +65,16 @@ def _text(body: Mapping[str, Any]) -> str:
 def decode(text: str, incarnation: str, topics: Mapping[str, str]) -> dict[str, Any]:
     """Return the report of the robot served, its topics by the names that people know.
 
-    What the fields hold is judged by whoever makes metrics of it; here it is small, flat and of this robot.
+    The consumer that makes metrics of it judges the fields; here it is small, flat and of this robot.
 
     Args:
-        text: as it came.
+        text: as received.
         incarnation: of the robot served.
         topics: topic by name of the input or output; entries of others are left out, so their number is bounded.
 
     Raises:
         StrangerError: it is of another robot.
-        ReportError: it is none, or of a later version.
+        ReportError: it is not a report, or of a later version.
     """
     try:
         body = json.loads(text, parse_constant=lambda _: None)

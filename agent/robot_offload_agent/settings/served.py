@@ -24,7 +24,7 @@ from robot_offload_core.words.declared import (
 from robot_offload_core.words.settings import Settings
 
 _MEMBER = re.compile(r"/offload/cloud/(?P<member>pod_[a-z0-9_]+)(?P<name>/.+)")
-"""Only pods of pools have names that begin so: names of the group that are public may not begin with /offload."""
+"""Only pods of pools have names with this beginning: public names of the group may not begin with /offload."""
 Spec = ServiceSpec | ActionSpec | UsedService | UsedAction
 _SERVICE = r"[a-z][a-z0-9_]*/srv/[A-Z][A-Za-z0-9]*"
 _ACTION = r"[a-z][a-z0-9_]*/action/[A-Z][A-Za-z0-9]*"

@@ -1,4 +1,4 @@
-"""Parameters of state: what the standby gets to know of a node all the time."""
+"""Parameters of state: what the standby continuously receives from a node."""
 
 from __future__ import annotations
 

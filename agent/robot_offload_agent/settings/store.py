@@ -1,7 +1,7 @@
 """The settings that the robot has taken last, on its disk: used at a start without the cloud.
 
-Each process of the robot reads them at its own start. What cannot be read, or what the robot's file does not allow any
-more, is told and left out: it never keeps the robot from starting.
+Each process of the robot reads them at its own start. Unreadable settings, and those that the robot's file no longer
+allows, are reported and left out: they never keep the robot from starting.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def path(configuration: Configuration) -> Path:
 
 
 def keep(configuration: Configuration, offer: Offer) -> None:
-    """Write an offer that was taken; raise OSError when it cannot be kept."""
+    """Write an offer that was taken; raise OSError if it cannot be stored."""
     body = {
         "version": VERSION, "uid": configuration["uid"], "generation": offer.generation,
         "parameters": dict(offer.parameters),
@@ -58,5 +58,5 @@ def load(configuration: Configuration) -> tuple[Configuration, Offer | None, Pro
 
 
 def in_force(configuration: Configuration) -> Configuration:
-    """Return what holds at the start of a process of this side."""
+    """Return the settings that hold at the start of a process of this side."""
     return load(configuration)[0] if configuration["side"] == "robot" else configuration

@@ -1,4 +1,4 @@
-"""Parameters of outputs and inputs, and what the core gets of them."""
+"""Parameters of outputs and inputs, and the core's view of them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ INTERFACE = r"auto|[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*"
 OPTIONAL = rf"({TOPIC})?"
 
 SHARED_DEPTH = 100
-"""Least depth of a shared output. A subscription keeps so many messages of all publishers together, and on /tf many say
-something at once; what tf2's listeners take (`tf2_ros::TransformListener`)."""
+"""Least depth of a shared output. A subscription keeps this many messages of all publishers together, and on /tf many
+publish at once; the depth of tf2's listeners (`tf2_ros::TransformListener`)."""
 
 OUTPUT: dict[str, Parameter] = {
     "topic": Parameter(None, "public topic", pattern=TOPIC),
@@ -61,7 +61,7 @@ INPUT: dict[str, Parameter] = {
 
 
 def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
-    """Return what the collector knows of an output: `name` is its identifier, `values` its parameters."""
+    """Return the collector's specification of an output: `name` is its identifier, `values` its parameters."""
     rate_hz = values["rate_hz"]
     return OutputSpec(
         name,
@@ -81,13 +81,13 @@ def output_spec(name: str, values: Mapping[str, Any]) -> OutputSpec:
 
 
 def completed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a node, output or input, with what follows from others of them."""
+    """Return the parameters of a node, output or input, with the values that follow from them."""
     shared = values.get("shared", False)
     return {**values, "depth": max(values["depth"], SHARED_DEPTH)} if shared else dict(values)
 
 
 def output_problems(name: str, values: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what cannot work about an output, with the parameter's name."""
+    """Yield the problems of an output, with the parameter's name."""
     spec = output_spec(name, values)
     if problem := spec.problem():
         yield f"parameter output.{name}.deadline_ms: {problem}"
@@ -99,7 +99,7 @@ def output_problems(name: str, values: Mapping[str, Any]) -> Iterator[str]:
 
 
 def input_spec(values: Mapping[str, Any]) -> InputSpec:
-    """Return what the core knows of an input, which it names to people by its topic."""
+    """Return the core's specification of an input, which it names to people by its topic."""
     return InputSpec(
         values["topic"],
         values["max_age_ms"] / 1e3,

@@ -1,5 +1,5 @@
-"""The tunnel between two DDS Routers: one TCP connection that the robot opens and both sides prove themselves on.
+"""The tunnel between two DDS Routers: one TCP connection that the robot opens and on which both sides authenticate.
 
-A process of its own on each side (`robot-offload-tunnel`), without ROS: the router beside it talks plain TCP over the
-loopback interface, what leaves the host is TLS.
+A separate process on each side (`robot-offload-tunnel`), without ROS: the router beside it uses plain TCP over the
+loopback interface; what leaves the host is TLS.
 """

@@ -16,7 +16,7 @@ from robot_offload_core.fence.token import Site
 
 @dataclass(frozen=True)
 class Address:
-    """Where somebody listens.
+    """An address to listen on or connect to.
 
     Attributes:
         host: an IP address without brackets, or a DNS name.
@@ -31,7 +31,7 @@ class Address:
 
     @property
     def is_name(self) -> bool:
-        """Whether the host has to be looked up."""
+        """Whether the host name must be resolved."""
         try:
             ip_address(self.host)
         except ValueError:
@@ -46,7 +46,7 @@ class TunnelConfiguration:
     Attributes:
         side: the robot's end dials the cloud's end; the cloud's end waits for it.
         listen: where this end waits: for the router on the robot, for the other end in the cloud.
-        connect: where this end goes: the cloud's addresses on the robot, the router in the cloud.
+        connect: where this end connects to: the cloud's addresses on the robot, the router in the cloud.
         ca: PEM file of the authority of the other side.
         certificate: PEM file of this side's certificate.
         private_key: PEM file of its key.
@@ -72,7 +72,7 @@ def read(file: Path) -> TunnelConfiguration:
     """Return the configuration in a file.
 
     Raises:
-        ConfigurationError: the file cannot be read, or what it says cannot work.
+        ConfigurationError: the file cannot be read, or its content is not valid.
     """
     try:
         document = yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -82,10 +82,10 @@ def read(file: Path) -> TunnelConfiguration:
 
 
 def parse(document: Any) -> TunnelConfiguration:
-    """Return the configuration that a YAML document holds.
+    """Return the configuration in a YAML document.
 
     Raises:
-        ConfigurationError: what it says cannot work.
+        ConfigurationError: its content is not valid.
     """
     if not isinstance(document, Mapping):
         raise ConfigurationError("the file is not a mapping of keys to values")

@@ -1,8 +1,8 @@
 """Both ends of the tunnel: who waits, who dials, and when a connection is given up.
 
-TCP alone waits longer with each try, and a robot that came back into its network would be silent for seconds (for
-minutes after a long cut). So a connection whose bytes stay unacknowledged for a second is dropped, and a new one is
-dialled twice a second until the cloud answers.
+TCP alone waits longer with each try, so a robot back in its network would be silent for seconds (for minutes after a
+long cut). So a connection whose bytes stay unacknowledged for a second is dropped, and a new one is dialled twice a
+second until the cloud answers.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from robot_offload_core.fence.token import Site
 log = logging.getLogger(__name__)
 
 UNACKNOWLEDGED_MS = 1000
-"""After which a connection is dead; above any pause that a link recovers from sooner than a new connection takes."""
+"""A connection is dead after this; above any pause from which a link recovers sooner than a new connection takes."""
 SILENT_S = 6.0
-"""Without a byte from the router beside this end; a living one announces itself every second."""
+"""Limit without a byte from the router beside this end; a living one announces itself every second."""
 FAR_SILENT_S = 1.5
-"""Without a byte from the far end. A proxy on the way acknowledges what the link behind it no longer carries."""
+"""Limit without a byte from the far end. A proxy on the way acknowledges what the link behind it no longer carries."""
 ANSWER_S = 0.6
-"""For the cloud's answer to a dialled connection: longer than any usable round trip, shorter than TCP's own second try
-after 1 s."""
+"""Limit for the cloud's answer to a dialled connection: longer than any usable round trip, shorter than the 1 s after
+which TCP itself tries again."""
 PAUSE_S = 0.1
 HANDSHAKE_S = 5.0
 """Python's own default is a minute, in which a stranger could hold thousands of connections."""
@@ -45,21 +45,21 @@ _CHUNK = 1 << 18
 
 @dataclass(eq=False)
 class Stream:
-    """A connection as asyncio gives it: what arrives, and what is sent."""
+    """A connection as asyncio gives it: incoming and outgoing bytes."""
 
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
 
     def abort(self) -> None:
-        """Drop the connection at once, with what was not sent yet."""
+        """Drop the connection at once, including unsent bytes."""
         self.writer.transport.abort()
 
 
 def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
-    """Return what this end proves itself with and whom it trusts: TLS 1.3, certificates on both sides.
+    """Return a context with this end's certificate and its trusted authority: TLS 1.3, certificates on both sides.
 
     Raises:
-        ConfigurationError: a file is missing or does not hold what it should.
+        ConfigurationError: a file is missing or has the wrong content.
     """
     robot = configuration.side is Site.ROBOT
     result = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT if robot else ssl.PROTOCOL_TLS_SERVER)
@@ -76,7 +76,7 @@ def context(configuration: TunnelConfiguration) -> ssl.SSLContext:
 
 
 def newest(configuration: TunnelConfiguration) -> TunnelConfiguration:
-    """Return the configuration with the pair that the agent has renewed; as it is while there is none."""
+    """Return the configuration with the pair that the agent has renewed; unchanged while there is none."""
     certificate, key = (Path(configuration.own) / name for name in ("robot.pem", "robot.key"))
     if not configuration.own or not (certificate.exists() and key.exists()):
         return configuration
@@ -84,7 +84,7 @@ def newest(configuration: TunnelConfiguration) -> TunnelConfiguration:
 
 
 class Tunnel:
-    """One end. It carries one connection at a time: the newest one, because an older one is what a cut left behind."""
+    """One end. It carries one connection at a time, the newest: an older one is left from a cut."""
 
     def __init__(self, configuration: TunnelConfiguration) -> None:
         """Open nothing yet.
@@ -104,7 +104,7 @@ class Tunnel:
         """Listen until it is cancelled.
 
         Raises:
-            ConfigurationError: the address to listen on cannot be had.
+            ConfigurationError: the address to listen on is not available.
         """
         listen = self._configuration.listen
         secured = None if self._robot else self._context
@@ -142,7 +142,7 @@ class Tunnel:
             accepted.abort()
 
     def _is_the_robot(self, writer: asyncio.StreamWriter) -> bool:
-        """Return whether a certificate that the authority signed is this robot's; an authority may serve many."""
+        """Return whether a certificate signed by the authority is this robot's; an authority may serve many."""
         wanted, found = self._configuration.peer_name, common_name(writer.get_extra_info("peercert"))
         if wanted in ("", found):
             return True
@@ -157,7 +157,7 @@ class Tunnel:
             log.info("Disconnected reason=%s", await join(accepted, far, *self._limits_s()))
         finally:
             far.abort()
-            # A refused certificate shows only now; a cloud that refuses it is asked more and more seldom.
+            # A refused certificate shows only now; a cloud that refuses it is dialled less and less often.
             self._failed = self._failed + 1 if now_s() - started_s < SHORT_LIFE_S else 0
 
     def _limits_s(self) -> tuple[float, float]:
@@ -165,14 +165,15 @@ class Tunnel:
         return (SILENT_S, FAR_SILENT_S) if self._robot else (FAR_SILENT_S, SILENT_S)
 
     async def _dial(self) -> Stream:
-        """Return a connection to the cloud, however long it takes."""
+        """Return a connection to the cloud; wait for it without limit."""
         await asyncio.sleep(min(PAUSE_S * 2**self._failed, LONGEST_PAUSE_S) if self._failed else 0)
         while True:
             for address in tuple(self._addresses):
                 for host in await self._names.hosts(address):
                     with suppress(OSError, asyncio.TimeoutError, ssl.SSLError):
                         stream = await self._dial_one(address, host)
-                        # The next time it is tried first: of several cluster nodes one may be gone for long.
+                        # The address that worked is tried first next time: one of several cluster nodes may be gone for
+                        # long.
                         self._addresses.sort(key=lambda one: one != address)
                         return stream
             await asyncio.sleep(PAUSE_S)
@@ -199,7 +200,7 @@ class Tunnel:
         return Stream(reader, writer)
 
     def _proof(self) -> ssl.SSLContext:
-        """Return with what to dial: the robot's newest pair, and the bundle's at every other try after a failure."""
+        """Return the context to dial with: the robot's newest pair; after failures every other time the bundle's."""
         chosen = newest(self._configuration)
         if chosen is self._configuration or self._failed % 2:
             return self._context
@@ -210,7 +211,7 @@ class Tunnel:
             return self._context
 
     async def _router(self) -> Stream:
-        """Return a connection to the router beside this end; it may be just starting."""
+        """Return a connection to the router beside this end, which may be just starting."""
         address, until_s = self._configuration.connect[0], now_s() + ROUTER_S
         while True:
             try:
@@ -256,18 +257,18 @@ async def join(one: Stream, other: Stream, one_s: float, other_s: float) -> str:
 
 
 class Heard:
-    """When the last bytes came from each of two connections, and how long each may be silent."""
+    """Time of the last bytes from each of two connections, and how long each may be silent."""
 
     def __init__(self, limits_s: tuple[float, float]) -> None:
         self._limits_s = limits_s
         self._last_s = [now_s(), now_s()]
 
     def now(self, which: int) -> None:
-        """Note that bytes came."""
+        """Record that bytes arrived."""
         self._last_s[which] = now_s()
 
     async def until_silent(self) -> None:
-        """Return when one of them has sent nothing for too long."""
+        """Return when one of them has been silent for too long."""
         while all(now_s() - last_s < limit_s for last_s, limit_s in zip(self._last_s, self._limits_s, strict=True)):
             await asyncio.sleep(min(self._limits_s) / 8)
 
@@ -280,7 +281,7 @@ async def _pump(source: Stream, target: Stream, heard: Heard, which: int) -> Non
 
 
 def tune(writer: asyncio.StreamWriter) -> None:
-    """Send small messages at once, and give a connection up when nobody acknowledges them."""
+    """Send small messages at once, and give a connection up when its bytes are not acknowledged."""
     connection = writer.get_extra_info("socket")
     with suppress(OSError):  # closed meanwhile
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

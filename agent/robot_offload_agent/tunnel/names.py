@@ -1,4 +1,4 @@
-"""Looks names up beside the work: the tunnel never waits for a name server as long as it knows an address."""
+"""Resolves names in the background: the tunnel never waits for a name server while it knows an address."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FIRST_LOOKUP_S = 2.0
 
 
 class Names:
-    """The addresses behind names; remembers the last good answer, because a name server is often lost with the link."""
+    """The addresses behind names; keeps the last good answer, because a name server is often lost with the link."""
 
     def __init__(self) -> None:
         self._known: dict[Address, tuple[str, ...]] = {}

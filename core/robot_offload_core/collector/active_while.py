@@ -1,6 +1,6 @@
-"""When a rated output must speak: always, or only while there is something to do (`while`).
+"""When a rated output must publish: always, or only while a condition (`while`) is true.
 
-The side that executes says so, control hands that on with the gate, and each side is judged by its own.
+The executing side reports its condition, control passes it on with the gate, and each side is judged by its own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[OutputState, ...]:
-    """Note since when the `while` of each output is true on each side."""
+    """Record since when the `while` of each output is true on each side."""
 
     def since(before_s: float | None, holds: bool) -> float | None:
         return (now_s if before_s is None else before_s) if holds else None
@@ -31,10 +31,10 @@ def note(outputs: tuple[OutputState, ...], gate: Gate, now_s: float) -> tuple[Ou
 
 
 def awaited(output: OutputState, site: Site) -> bool:
-    """Return whether a changeover to a side waits for its first message of an output.
+    """Return whether a changeover to a side waits for the side's first message of an output.
 
-    It does for rated ones, those with a `while` only while that is true there; a node that calls names outside cannot
-    speak before its calls are admitted, which is after the changeover.
+    It waits for rated outputs; for those with a `while` only while that is true on the side. It does not wait for a
+    node that calls names outside the group: its calls are admitted, so that it can publish, only after the changeover.
     """
     spec = output.spec
     since_s = output.robot_while_s if site is Site.ROBOT else output.cloud_while_s
@@ -42,10 +42,10 @@ def awaited(output: OutputState, site: Site) -> bool:
 
 
 def must_speak(output: OutputState, side: Site, activation_s: float, now_s: float) -> bool:
-    """Return whether the silence of a rated output is a fault of a side now.
+    """Return whether silence of a rated output is a fault of a side now.
 
-    With a `while`: from its first message on after that became true, at the latest when a node would have become
-    Active, until it is true no more.
+    With a `while` it is one while that is true, from the output's first message since then, or after the time in which
+    a node becomes Active.
     """
     if output.spec.while_ is None:
         return True

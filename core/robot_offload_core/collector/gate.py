@@ -1,14 +1,14 @@
 """Which message passes: the gate in front of the consumers (protocol sections 2 and 3).
 
-The collector holds the token of the side in charge and, while a commanded switch is under way, the one of the side
-that is getting ready. It passes the old side until the new side's rated outputs flow (on control's word when none is
-rated), changes over between two messages for all outputs at once, and never goes back: a token is accepted by equality
-only. When control falls silent for as long as a lease lasts it passes the robot and refuses the cloud until control
-names a new epoch. What it does for the cloud it does on control's word alone, and that word counts from when control
-said it, not from when it was read.
+The collector holds the token of the side in charge and, during a commanded switch, the token of the side that gets
+ready. It passes the old side until the new side's rated outputs flow (if none is rated: until control orders the
+change). Then it changes over between two messages for all outputs at once. It never goes back: a token is accepted by
+equality only. When control is silent for the length of a lease, the collector passes the robot and refuses the cloud
+until control names a new epoch. It passes the cloud on control's order alone, and an order counts from when control
+sent it, not from when it was read.
 
-Of Hot replicas on the robot it knows the newest message, which passes when the robot takes over; and it says at once
-when a message of the cloud does not come although such a replica has spoken (lateness.py).
+The collector keeps the newest message of each Hot replica on the robot; it passes when the robot takes over. It reports
+at once when a message of the cloud is missing although such a replica has published (lateness.py).
 """
 
 from __future__ import annotations
@@ -28,33 +28,32 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import OutputSpec
 
 PAUSE_S = 0.120
-"""Turns of this process further apart are a pause of the process, not silence of an output: six turns of 20 ms."""
+"""A longer gap between turns is a pause of this process, not silence of an output: six turns of 20 ms."""
 HEALTHY_S = 0.5
 """After this long without a pause the process counts as healthy. An earlier second pause is not excused."""
 PAUSE_GRACE_S = 0.100
-"""After a pause, silence is not reported for this long: what waited is too old by then, new messages must come
-first."""
+"""After a pause, silence is not reported for this long: messages that waited are too old, new ones must come first."""
 
 
 def start(
     outputs: tuple[OutputSpec, ...], max_age_s: float, gate_timeout_s: float,
     loss_timeout_s: float = 0.0, activation_s: float = 0.0,
 ) -> Collector:  # fmt: skip
-    """Return a collector that passes the robot until control speaks."""
+    """Return a collector that passes the robot until control sends its first order."""
     states = tuple(OutputState(spec) for spec in outputs)
     closed = fence.start(len(states), max_age_s, gate_timeout_s)
     return Collector(closed, states, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
-    """Take control's wish. It can only move forward: an epoch already left behind is never entered again."""
+    """Take an order of control. It only moves forward: an epoch already left behind is never entered again."""
     after = _change_over_idle(_set_gate(collector, gate, now_s), now_s)
     check(collector, after, gate)
     return after
 
 
 def check(before: Collector, after: Collector, event: object) -> None:
-    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError if the step from `before` to `after` broke an invariant."""
     if after.charge is before.charge and after.next is before.next and after.fell_back is before.fell_back:
         return
     ours, theirs, following = before.charge, after.charge, after.next
@@ -71,9 +70,9 @@ def check(before: Collector, after: Collector, event: object) -> None:
 
 
 def _change_over_idle(collector: Collector, now_s: float) -> Collector:
-    """Change over on control's word when no output is to be waited for.
+    """Change over on control's order if there is no output to wait for.
 
-    An idle robot must be able to change: where nobody need speak there is nothing to pass twice and nothing to lose.
+    An idle robot must be able to change: if no output must publish, nothing can pass twice or be lost.
     """
     following = collector.next
     if following is None or any(_awaited(collector, o, following.site) for o in collector.outputs):
@@ -92,7 +91,7 @@ def _set_gate(collector: Collector, gate: Gate, now_s: float) -> Collector:
 
 
 def _took(collector: Collector, after: fence.Gate, now_s: float) -> Collector:
-    """Return the collector with the fence's next state; note when another side or epoch is in charge."""
+    """Return the collector with the fence's next state; record the time if another side or epoch is in charge."""
     ours, theirs = collector.fence.charge, after.charge
     if theirs != ours or after.next != collector.fence.next:
         outputs = tuple(o if o.next_ready_s is None else replace(o, next_ready_s=None) for o in collector.outputs)
@@ -110,13 +109,13 @@ def limit(
     loss_timeout_s: float = 0.0,
     activation_s: float = 0.0,
 ) -> Collector:
-    """Take limits that were changed at run time; safe at any moment, they only bound what is refused or lost."""
+    """Apply limits changed at run time; safe at any moment, they only bound what is refused or counts as lost."""
     limited = fence.limit(collector.fence, max_age_s, gate_timeout_s)
     return replace(collector, fence=limited, loss_timeout_s=loss_timeout_s, activation_s=activation_s)
 
 
 def turn(collector: Collector, now_s: float) -> Collector:
-    """Take a turn of the process's loop: notice a pause of its own, and what `tick` notices."""
+    """Run a turn of the process's loop: detect a pause of this process, then `tick`."""
     if collector.turned_s is not None and now_s - collector.turned_s > PAUSE_S:
         in_a_row = collector.paused_s is not None and now_s - collector.paused_s < HEALTHY_S
         judged_from_s = collector.judged_from_s if in_a_row else now_s + PAUSE_GRACE_S
@@ -140,17 +139,17 @@ def site(collector: Collector) -> Site:
 
 
 def count_stay(before: Collector, after: Collector) -> Collector:
-    """Return `after` with a stay of its own when another side passes than in `before`."""
+    """Return `after`, with the next stay number if another side passes than in `before`."""
     return after if site(before) is site(after) else replace(after, stay=before.stay + 1)
 
 
 def resume(
     collector: Collector, charge: Charge, started_us: int, fell_back: bool, now_s: float, stay: int = 0
 ) -> Collector:
-    """Take up what a collector that died had reached, so that nothing already left behind passes again.
+    """Continue from the state of a collector that died, so that no earlier stay passes again.
 
-    For the cloud it passes nothing before control has spoken, and nothing sent before `now_s`: the predecessor may have
-    passed it. Silence counts from now: a restart of ours is nobody's silence.
+    Nothing of the cloud passes before control's first order, nor anything sent before `now_s`: the predecessor may have
+    passed it. Silence counts from now: our restart is not silence of another process.
     """
     resumed = fence.resume(collector.fence, charge, started_us, fell_back, now_s)
     return replace(collector, fence=resumed, stay=stay)
@@ -191,7 +190,7 @@ def offer_cloud(
 
 
 def admits_effect(collector: Collector, token: Token, now_s: float) -> Passage:
-    """Return whether an effect that is not collected (a request through the agents) is the active side's."""
+    """Rule whether an effect that is not collected (a request through the agents) comes from the active side."""
     return Passage(Ruling.of(fence.effect(collector.fence, token, now_s)))
 
 
@@ -203,7 +202,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
     cloud_idle = tuple(i for i, o in rated if not active_while.must_speak(o, Site.CLOUD, collector.activation_s, now_s))
     acts = collector.charge is None or collector.charge.site is Site.ROBOT or collector.fell_back
     charged_s = collector.acts_s if acts else None  # a slow output speaks one period after its nodes woke
-    cloud_s = None if acts else collector.acts_s  # where nobody waited for it
+    cloud_s = None if acts else collector.acts_s  # for outputs that no changeover waits for
     resumed_s = collector.resumed_s
 
     def flows(output: OutputState, *since_s: float | None) -> bool:
@@ -234,7 +233,7 @@ def report(collector: Collector, now_s: float) -> GateReport:
 
 
 def next_deadline_s(collector: Collector, now_s: float) -> float:
-    """Return when silence next changes what is reported or passes; infinite when it changes nothing."""
+    """Return when silence next changes what is reported or passes; infinite if it changes nothing."""
     times = [collector.judged_from_s]
     if not collector.fell_back:
         times += [t + collector.gate_timeout_s for t in (collector.gate_s, collector.resumed_s) if t is not None]
@@ -252,10 +251,10 @@ def next_deadline_s(collector: Collector, now_s: float) -> float:
 def _offer_next(
     collector: Collector, index: int, event: object, now_s: float, known: fence.Known
 ) -> tuple[Collector, Passage]:
-    """Take a valid message of the side that is to take over: change over once all rated outputs of it flow.
+    """Take a valid message of the side that is to take over: change over once all its rated outputs flow.
 
-    The newest messages of its other outputs pass with it, as long as they are no older than any message may be: else
-    their consumers would wait for the old side's and the new side's period together.
+    The newest messages of its other outputs pass too, unless they are too old. Otherwise their consumers would wait for
+    the old side's and the new side's period together.
     """
     collector = _output(collector, index, next_ready_s=now_s)
     assert collector.next is not None
@@ -284,7 +283,7 @@ def _flows(collector: Collector, output: OutputState, side: Site, now_s: float) 
 
 
 def _awaited(collector: Collector, output: OutputState, side: Site) -> bool:
-    """Return whether a changeover to a side waits for an output: for no slow one while nobody acts, or nobody may."""
+    """Return whether a changeover to a side waits for an output; with `prompt` it waits for no slow one."""
     held = not (collector.prompt and slow_outputs.is_slow(output.spec, collector.activation_s))
     return held and active_while.awaited(output, side)
 

@@ -1,8 +1,8 @@
-"""How late the messages of one output come, and from when on a message that has not come is taken for lost.
+"""How late the messages of one output come, and when a missing message counts as lost.
 
-This is for outputs whose replica on the robot is Hot: it can go on at once, so its owner need not wait for the loss
-timeout. The margin follows the latest message of the last minute, not a quantile: what a takeover cut off would be
-missing from a quantile, which then would shrink until it cuts off healthy messages.
+This is for outputs whose replica on the robot is Hot: it can go on at once, without waiting for the loss timeout. The
+margin follows the largest lateness of the last minute, not a quantile: messages cut off by a takeover would be missing
+from a quantile, which would shrink until it cuts off healthy messages.
 """
 
 from __future__ import annotations
@@ -13,29 +13,29 @@ from robot_offload_core.fence.token import Token
 from robot_offload_core.words.replace import replace
 
 LATENESS_WINDOW_S = 60.0
-"""Messages of this window are compared."""
+"""Window of the messages that are compared."""
 FACTOR = 1.5
 EXTRA_S = 0.005
-"""Added to the latest message of the window."""
+"""Added to FACTOR times the largest lateness of the window."""
 LEAST_S = 0.010
-"""Least margin with which a message is waited for."""
+"""Least margin for a message."""
 TAUGHT = 100
-"""Fewer messages than this teach nothing: until then the margin is the loss timeout."""
+"""With fewer messages than this, the margin is the loss timeout."""
 FLOOR_S = 600.0
-"""How long a message that was taken for lost, and came, keeps the margin up."""
+"""How long the margin stays up after a message counted as lost came after all."""
 BUCKET_S = 1.0
-"""Within one second only the latest message is kept."""
+"""Within this time only the largest lateness is kept."""
 
 
 @dataclass(frozen=True)
 class Lateness:
-    """What is known of one output of the cloud. Times on the robot's steady clock, seconds.
+    """Lateness of one output of the cloud. Times on the robot's steady clock, seconds.
 
     Attributes:
         token, sequence, arrived_s: of the newest message; token None before the first.
-        seen: messages whose lateness is known, up to TAUGHT.
-        late: (arrival, lateness) of the latest messages, both falling: the first is the largest of the last minute.
-        missed: the newest message was followed by such a silence that the next one was taken for lost.
+        seen: number of messages whose lateness is known, up to TAUGHT.
+        late: (arrival, lateness) of the latest messages, lateness falling: the first is the largest of the last minute.
+        missed: the message after the newest one counts as lost.
         floor_s: least margin until floor_until_s.
     """
 
@@ -53,11 +53,11 @@ UNHEARD = Lateness()
 
 
 def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: float, deadline_s: float) -> Lateness:
-    """Take a message of the cloud, also one that does not pass any more.
+    """Record how late a message of the cloud came, even if it no longer passes.
 
-    Only messages of one token say something, and only those that came within the output's deadline: what comes later
-    shows an outage, which ends a stay by the hard limit and is nothing to wait for. Messages that were lost in between
-    are lateness of the next one: where nothing is sent again (best effort) that is usual, and no outage.
+    Only messages of the same token within the output's deadline count. A later one shows an outage: the hard limit ends
+    the stay then, and the margin need not cover it. Messages lost in between add to the lateness of the next one:
+    without retransmission (best effort) such losses are usual, and not an outage.
     """
     newer = replace(known, token=token, sequence=sequence, arrived_s=now_s, missed=False)
     if token == known.token and sequence <= known.sequence:
@@ -75,14 +75,14 @@ def hear(known: Lateness, token: Token, sequence: int, now_s: float, period_s: f
 
 
 def margin_s(known: Lateness, now_s: float, untaught_s: float, least_s: float, most_s: float) -> float:
-    """Return how much longer than a period the next message is waited for, seconds.
+    """Return the margin after a period before the next message counts as lost, seconds.
 
     Args:
-        known: what the messages so far have taught.
+        known: lateness so far.
         now_s: on the robot's steady clock.
-        untaught_s: the margin while that is too little.
-        least_s: what control has learned from its mistakes (fast_takeover.py).
-        most_s: of any margin: from a period to the output's deadline, at which its silence is a fault anyway.
+        untaught_s: margin while fewer than TAUGHT messages are known.
+        least_s: least margin, learned by control from its mistakes (fast_takeover.py).
+        most_s: largest margin: from a period to the output's deadline, at which silence is a fault anyway.
     """
     if known.seen < TAUGHT:
         return min(max(untaught_s, least_s), most_s)

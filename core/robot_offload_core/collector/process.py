@@ -1,4 +1,4 @@
-"""What the collector process does with each message and each word of control.
+"""What the collector process does with each message and each order of control.
 
 Not safe for several threads by itself: the shell holds one lock around every call.
 """
@@ -38,23 +38,22 @@ from robot_offload_core.words.settings import OutputSpec
 from robot_offload_core.words.topic_kinds import same_type
 
 TURN_S = 0.060
-"""The process looks at least this often whether anything has changed that control must know.
+"""Most time between two looks for changes that control must know.
 
-It looks with every message too, and when the next deadline passes.
+The process also looks with every message, and when the next deadline passes.
 """
 DEADLINE_MARGIN_S = 0.0005
-"""Behind a deadline, so that one look finds it passed."""
+"""Added to a deadline, so that one look finds it passed."""
 REPORTS_PER_LEASE = 5
-"""Control gets a report this often in any case, ten times a second at least; one without news does not wake it."""
+"""Reports to control per lease, at least ten a second; a report without news does not wake control."""
 EARLY_S = 0.020
-"""A report that is due within this time goes with a message that has just come: a wake-up costs more than the
-report."""
+"""A report due within this time goes out with a message that just came: a wake-up costs more than the report."""
 SLACK_S = 0.010
 """How long a due report waits for the next message, so that one wake-up serves both."""
 REPEAT_PERIOD_S = 5.0
-"""How often the data process gets the latched messages of others again: it may have been started anew."""
+"""How often the data process gets the latched messages of others again: it may have restarted."""
 DETAIL_PERIOD_S = 1.0
-"""How often problems, counters and ages go to control; a report in between carries none."""
+"""How often problems, counters and ages go to control; reports in between carry none."""
 
 
 class CollectorPorts(Protocol):
@@ -73,22 +72,22 @@ class CollectorPorts(Protocol):
         """Send an output's message with its header to another process of this agent."""
 
     def topics_of(self, index: int) -> tuple[str, str]:
-        """Return the public topic of output `index` and the private one of the robot's replica, for sentences."""
+        """Return the public topic of output `index` and the private one of the robot's replica, for problem texts."""
 
     def publish(self, index: int, payload: Any) -> None:
         """Publish a message to the consumers of output `index`."""
 
     def fill(self, index: int, payload: Any) -> None:
-        """Publish on the private topic of the robot's replica what it would hear on the public one."""
+        """Publish on the private topic of the robot's replica what it would otherwise receive on the public one."""
 
     def type_of(self, index: int) -> str:
         """Return the interface type that output `index` is published with, "" while there is no publisher.
 
-        Behind a blank stands the type's hash where the middleware gives one.
+        The type's hash follows after a blank if the middleware provides one.
         """
 
     def save(self, state: Collector) -> None:
-        """Keep who passes now, for the next life of this process."""
+        """Save which side passes now, for the successor of this process."""
 
     def fell_silent(self) -> None:
         """Log that control has been silent for too long."""
@@ -96,11 +95,11 @@ class CollectorPorts(Protocol):
 
 @dataclass(frozen=True)
 class CollectorPlan:
-    """What the configuration says of the collector.
+    """Configuration of the collector.
 
     Attributes:
         outputs: the collected outputs.
-        mirrored: whether consumers in the cloud get what passes, per output.
+        mirrored: per output, whether consumers in the cloud get the messages that pass.
         max_age_s, lease_s, loss_timeout_s, activation_s: see `collectors.Collector`.
     """
 
@@ -118,14 +117,14 @@ class CollectorProcess:
     Attributes:
         state: of the machine.
         held: newest message per output of the side that gets ready.
-        standby: newest one of each Hot replica on the robot.
+        standby: newest message of each Hot replica on the robot.
         passed_s: when each rated output last passed.
         sequence: of the robot's messages; grows over restarts of this process.
         problems: by key, for diagnostics.
         counters: per output, side and reason.
-        cloud_types: of the outputs, as the cloud says.
+        cloud_types: types of the outputs in the cloud, as its data process reports.
         strangers: nodes outside the group that publish a shared output, by its index.
-        latched_others: what they said last on a shared output that is latched.
+        latched_others: their last messages on each latched shared output.
         ages: of the newest message of the cloud, by output.
         silence: around the last change of side.
     """
@@ -165,7 +164,7 @@ class CollectorProcess:
             self.problems[key] = problem
 
     def rival(self, index: int, nodes: Sequence[str]) -> str:
-        """Note who else publishes an output's public topic; return the sentence about it, "" for nobody."""
+        """Record other publishers of an output's public topic; return a message about them, "" for none."""
         name = self.plan.outputs[index].name
         topic, private = self.ports.topics_of(index)
         message = f"{topic} has another publisher: {', '.join(nodes)}; remap its output to {private}" if nodes else ""
@@ -176,12 +175,12 @@ class CollectorProcess:
         return message
 
     def twins(self, index: int, nodes: list[str]) -> None:
-        """Note which processes publish an output's private topic, when they are several."""
+        """Record the processes that publish an output's private topic, if there are several."""
         _, private = self.ports.topics_of(index)
         self.note(f"twins {self.plan.outputs[index].name}", rivals.twins_problem(private, nodes))
 
     def compare_types(self) -> None:
-        """Note each output whose types differ."""
+        """Record each output whose types on the two sides differ."""
         for index, spec in enumerate(self.plan.outputs):
             ours, theirs = self.ports.type_of(index), self.cloud_types.get(spec.name, "")
             message = f"Output {spec.name} is {ours} here and {theirs} in the cloud"
@@ -189,7 +188,7 @@ class CollectorProcess:
             self.note(f"type {spec.name}", (Reason.TYPES_DIFFER.value, message) if differs else None)
 
     def _look_at_frames(self) -> None:
-        """Note frames that nobody declared, those that others publish too, and messages that are no transforms."""
+        """Record undeclared frames, frames that other nodes publish too, and messages that are not transforms."""
         now_s = self.ports.now_s()
         for index, loop in self.loops.items():
             name, frames = self.plan.outputs[index].name, ", ".join(sorted(loop.undeclared))
@@ -200,7 +199,7 @@ class CollectorProcess:
                 self.counters[f"{name}.no_transforms"] = loop.strange
 
     def _refusal(self, index: int) -> str:
-        """Return why a message of the cloud cannot be published at all, "" when it can."""
+        """Return why no message of the cloud can be published on this output, "" if messages can."""
         ours, theirs = self.ports.type_of(index), self.cloud_types.get(self.plan.outputs[index].name, "")
         if not ours or not theirs:
             return "NoType"
@@ -209,7 +208,7 @@ class CollectorProcess:
     # -- messages of the two replicas ---------------------------------------------------------------------------------
 
     def offer_robot(self, index: int, payload: Any) -> None:
-        """Take a message of the robot's replica; one of a rated output that waited through a pause is dropped."""
+        """Take a message of the robot's replica; drop it if it is of a rated output and waited through a pause."""
         now_s = self.ports.now_s()
         spec = self.plan.outputs[index]
         if index in self.loops:
@@ -231,7 +230,7 @@ class CollectorProcess:
         self._mirror(published)
 
     def _mirror(self, published: list[tuple[int, Any]]) -> None:
-        """Send what passed of the robot to consumers in the cloud."""
+        """Send messages of the robot that passed to consumers in the cloud."""
         differ = Reason.TYPES_DIFFER.value  # the cloud would publish the bytes under its own type
         mirrored = [
             (other, passed) for other, passed in published
@@ -249,7 +248,7 @@ class CollectorProcess:
         return envelope.encode(Envelope(token, self.sequence, 0))
 
     def hear_others(self, index: int, payload: Any) -> None:
-        """Take a message of the public topic of a shared output: what others say there the replicas hear as well."""
+        """Pass on to the replicas what other nodes publish on the public topic of a shared output."""
         said = self.loops[index].others(payload, self.ports.now_s())
         if said is None:
             return
@@ -264,7 +263,7 @@ class CollectorProcess:
         self.counters[f"{self.plan.outputs[index].name}.others"] += 1
 
     def _repeat_others(self, now_s: float) -> None:
-        """Report the latched messages of others again to a data process that may have been started anew."""
+        """Send the latched messages of others again to the data process, which may have restarted."""
         if now_s < self.repeat_due_s:
             return
         self.repeat_due_s = now_s + REPEAT_PERIOD_S
@@ -273,7 +272,7 @@ class CollectorProcess:
                 self.ports.carry("data", OTHERS, index, self._header(), said)
 
     def offer_cloud(self, message: Carried) -> None:
-        """Take a message of the cloud's replica, which the data process carried here."""
+        """Take a message of the cloud's replica, handed over by the data process."""
         index = message.index
         try:
             header = envelope.decode(message.header)
@@ -284,7 +283,7 @@ class CollectorProcess:
             self.counters["cloud_garbage"] += 1
             return
         refusal = self._refusal(index)
-        if refusal:  # the machine must not take for passed what reaches nobody
+        if refusal:  # a message that reaches no consumer must not count as passed
             self.counters[f"{self.plan.outputs[index].name}.cloud.{refusal}"] += 1
             return
         offer = results.offer if self.plan.outputs[index].of_cloud else gate.offer_cloud
@@ -300,7 +299,7 @@ class CollectorProcess:
             self.report()
 
     def _publish(self, index: int, payload: Any, passage: Passage) -> list[tuple[int, Any]]:
-        """Publish a message, or hold it for the changeover, as the machine says; return all that was published."""
+        """Publish a message or hold it for the changeover, as the machine ruled; return all that was published."""
         if passage.reason is Ruling.NOT_ALL_READY:
             self.held[index] = payload
         if not passage.passes:
@@ -317,17 +316,17 @@ class CollectorProcess:
         return passing
 
     def look_due_s(self) -> float:
-        """Return when `report` is worth more than at the next turn: a message of the cloud is missed then."""
+        """Return when `report` is needed before the next turn, because a message of the cloud counts as lost then."""
         return standby.next_look_s(self.state, self.ports.now_s())
 
     def turn_due_s(self) -> float:
-        """Return when to look again if no message comes: when something falls silent, after TURN_S at the latest."""
+        """Return when to look again if no message comes: at the next deadline, after TURN_S at the latest."""
         now_s = self.ports.now_s()
         deadline_s = min(gate.next_deadline_s(self.state, now_s) + DEADLINE_MARGIN_S, self.look_due_s())
         return min(deadline_s, max(now_s, self.report_due_s + SLACK_S), now_s + TURN_S)
 
     def _release(self, before: Collector) -> None:
-        """Publish what is kept of the robot's Hot replicas when it has taken over."""
+        """Publish the kept messages of the robot's Hot replicas if the robot has taken over."""
         self.state, outputs = standby.release(before, self.state, self.ports.now_s())
         passing = [(index, self.standby[index]) for index in outputs if index in self.standby]
         for index, payload in passing:
@@ -339,7 +338,7 @@ class CollectorProcess:
         self._mirror(passing)
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
-        """Let the robot's replica hear on its private topic what the cloud's has said."""
+        """Publish a message of the cloud's replica on the private topic of the robot's replica."""
         said = self.loops[index].holder(payload, self.ports.now_s())
         if said is not None:
             self.ports.fill(index, said)
@@ -349,7 +348,7 @@ class CollectorProcess:
         self.counters[f"{name}.{side}.{'passed' if passage.passes else passage.reason}"] += 1
 
     def _count_gap(self, index: int) -> None:
-        """Count the time since a rated output last passed: what the driver sees of everything."""
+        """Count the time since a rated output last passed, as the driver sees it."""
         spec, now_s = self.plan.outputs[index], self.ports.now_s()
         if not spec.deadline_s:
             return
@@ -362,7 +361,7 @@ class CollectorProcess:
             self.counters[f"{spec.name}.overdue_ms"] += max(0, round(gap_ms - spec.deadline_s * 1e3))
 
     def _keep(self, state: Collector) -> bool:
-        """Take over the next state; return whether who passes has changed, which is remembered."""
+        """Take over the next state; save and return whether the charge that passes has changed."""
         before, self.state = self.state, gate.count_stay(self.state, state)
         state = self.state
         changed = (before.charge, before.fell_back) != (state.charge, state.fell_back)
@@ -371,7 +370,7 @@ class CollectorProcess:
             self.silence.passes(gate.site(state), self.ports.now_s())
         return changed
 
-    # -- words of control ---------------------------------------------------------------------------------------------
+    # -- orders of control --------------------------------------------------------------------------------------------
 
     def handle(self, message: object) -> None:
         """Take one datagram of another process."""
@@ -390,11 +389,11 @@ class CollectorProcess:
             self.state = gate.limit(self.state, *limits)
 
     def woke(self) -> None:
-        """Note a sign of life of the process: a long silence of ours is a pause."""
+        """Record a sign of life of this process; a long gap between two is a pause."""
         self.pauses.waited(self.ports.now_s())
 
     def report(self, *, only_news: bool = False) -> None:
-        """Report to control, and notice that control fell silent."""
+        """Report to control, and detect that control fell silent."""
         now_s = self.ports.now_s()
         before = self.state
         if self._keep(gate.turn(before, now_s)):
@@ -418,5 +417,5 @@ class CollectorProcess:
 
 
 def report_period_s(lease_s: float) -> float:
-    """Return how often control gets a report in any case, seconds."""
+    """Return the longest time between two reports to control, seconds."""
     return min(0.1, lease_s / REPORTS_PER_LEASE)

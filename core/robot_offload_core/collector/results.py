@@ -1,7 +1,7 @@
-"""Which result of a node with placement Cloud passes: it has no replica, so it passes whoever is in charge.
+"""Which result of a node with placement Cloud passes: the node has no replica, so either side may be in charge.
 
-It passes by exactly the token of its `presence` grant, in order, and by its age. Nothing else keeps a result of a link
-that stood still from the consumers: so the age is judged per message, and control must have spoken within a lease.
+A result passes by the exact token of its `presence` grant, in order, and by its age. Nothing else keeps results of a
+stalled link from the consumers, so the age is judged per message, and control must have sent an order within a lease.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_offload_core.words.replace import replace
 
 
 def offer(collector: Collector, index: int, envelope: Envelope, now_s: float) -> tuple[Collector, Passage]:
-    """Return whether a message that arrived from the cloud for output `index` passes.
+    """Judge a message that arrived from the cloud for output `index`.
 
     Args:
         collector: state of the gate.

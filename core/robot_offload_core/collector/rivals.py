@@ -1,8 +1,8 @@
-"""Who else publishes on the public topics of the collected outputs: in front of the consumers stands nobody but us.
+"""Find other publishers on the public topics of the collected outputs; only the collector may publish there.
 
-By endpoint, not by the name of its node: a second collector has the same name. Endpoints of a process that was killed
-stay in the graph until their participant's lease is over, so the ones of an earlier collector are given that time. They
-are all there when we begin to look: one that comes later is of somebody who lives.
+Publishers are told apart by endpoint, not by node name: a second collector has the same name. Endpoints of a killed
+process stay in the graph until their participant's lease is over, so those of an earlier collector are tolerated that
+long. All of them are there at our first look: one that appears later belongs to a living process.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from robot_offload_core.words.reasons import Reason
 PARTICIPANT_LEASE_S = 25.0
 """Fast DDS forgets a participant that was killed after 20 s."""
 NAME_S = 1.5
-"""How long an endpoint of before our start, or the name of its node, may be on its way: discovery on one host."""
+"""Time for discovery on one host: an endpoint older than our start, or the name of its node, may arrive this late."""
 REPLACED_S = 0.4
-"""How long a publisher of ours may still be seen beside the one that was made in its place."""
+"""How long a replaced publisher of ours may still be seen beside the new one."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Endpoint:
 
     Attributes:
         identity: unique in the graph (GID).
-        node: full name of its node; "" while it is not known.
+        node: full name of its node; "" while unknown.
     """
 
     identity: bytes
@@ -40,8 +40,8 @@ class Rivals:
     Attributes:
         own_node: full name of our own node.
         seen_s: when each endpoint was first seen.
-        late: endpoints that came when neither one of ours nor one of a predecessor was to be expected any more.
-        began_s: the first look; None before it.
+        late: endpoints that appeared when no endpoint of ours or of a predecessor was expected any more.
+        began_s: time of the first look; None before it.
     """
 
     own_node: str
@@ -67,13 +67,13 @@ class Rivals:
         early = [identity for identity in own_name if identity not in self.late]
         late = [i for i in own_name if i in self.late and now_s - self.seen_s[i] > REPLACED_S]
         lasting = sum(now_s - self.seen_s[identity] > PARTICIPANT_LEASE_S for identity in early)
-        # Of the early ones at least as many live as we have: the others may be left behind, but not for long.
+        # At least as many early ones are alive as we have made; the others may be leftovers, but not for long.
         if max(lasting, min(len(early), publishers)) + len(late) > publishers:
             others.add(f"a second {self.own_node}")
         return sorted(others)
 
     def _note(self, endpoints: list[Endpoint], now_s: float, made_s: float) -> None:
-        """Note which endpoints are new, and whether those come late."""
+        """Record new endpoints, and whether they came late."""
         self.began_s = now_s if self.began_s is None else self.began_s
         new = {one.identity for one in endpoints} - self.seen_s.keys()
         if now_s - max(self.began_s, made_s) > NAME_S:
@@ -90,7 +90,7 @@ PARTICIPANT_BYTES = 12
 class Twins:
     """Judges the publishers of one private topic, at each look at the graph: one process is to produce an output.
 
-    Whoever was killed and started again is seen twice until the participant's lease of the first one is over.
+    A process that was killed and restarted is seen twice until its old participant's lease is over.
 
     Attributes:
         own_node: full name of our own node, which fills the private topics of shared outputs.
@@ -101,7 +101,7 @@ class Twins:
     seen_s: dict[bytes, float] = field(default_factory=dict)
 
     def look(self, found: Iterable[Endpoint], now_s: float) -> list[str]:
-        """Return the nodes of the processes that last, sorted, when they are more than one; nothing otherwise."""
+        """Return the nodes of the lasting processes, sorted, if there are several; otherwise an empty list."""
         nodes = {one.identity[:PARTICIPANT_BYTES]: one.node for one in found if one.node != self.own_node}
         self.seen_s = {process: self.seen_s.get(process, now_s) for process in nodes}
         lasting = [nodes[process] for process, seen_s in self.seen_s.items() if now_s - seen_s > PARTICIPANT_LEASE_S]

@@ -1,4 +1,4 @@
-"""What a Hot replica on the robot is good for: its newest message is at hand, and it shows that the cloud's is missing.
+"""Uses of a Hot replica on the robot: its newest message is at hand, and it shows that the cloud's is missing.
 
 Part of the collector (gate.py), whose state these functions read and change.
 """
@@ -16,14 +16,14 @@ from robot_offload_core.words.gates import Gate
 from robot_offload_core.words.replace import replace
 
 OVERDUE_LOOK_S = 0.005
-"""Least distance of two looks for an overdue message."""
+"""Least time between two looks for an overdue message."""
 
 if TYPE_CHECKING:
     from robot_offload_core.collector.state import Collector, OutputState
 
 
 def hear(collector: Collector, index: int, envelope: Envelope, now_s: float) -> Collector:
-    """Note how late a message of the cloud came, whether or not it passes; only Hot outputs are waited for."""
+    """Record how late a message of the cloud came, whether or not it passes; only for Hot outputs."""
     state, charge, following = collector.outputs[index], collector.charge, collector.next
     known, spec = state.late, state.spec
     ours = (charge and charge.token, following and following.token, known.token)
@@ -35,7 +35,7 @@ def hear(collector: Collector, index: int, envelope: Envelope, now_s: float) -> 
 
 
 def note(outputs: tuple[OutputState, ...], gate: Gate) -> tuple[OutputState, ...]:
-    """Note the least margins that control names."""
+    """Take over the least margins that control names."""
     named = dict(gate.floors)
     return tuple(
         o if o.floor_s == named.get(i, 0.0) else replace(o, floor_s=named.get(i, 0.0)) for i, o in enumerate(outputs)
@@ -48,10 +48,10 @@ def _hot(collector: Collector, output: OutputState) -> bool:
 
 
 def due_s(collector: Collector, output: OutputState, now_s: float) -> float:
-    """Return when the cloud's next message of a Hot output will be taken for lost; infinite when it is not waited for.
+    """Return when the cloud's next message of a Hot output counts as lost; infinite if none is expected.
 
-    It is not before the cloud has spoken in its present stay, nor from a collector that is about to read what came
-    while it stood still.
+    None is expected before the cloud's first message of the present stay. After a pause the collector first reads what
+    has arrived meanwhile.
     """
     charge, late = collector.charge, output.late
     if charge is None or not _cloud_passes(collector) or late.token != charge.token or not _hot(collector, output):
@@ -63,9 +63,9 @@ def due_s(collector: Collector, output: OutputState, now_s: float) -> float:
 
 
 def next_look_s(collector: Collector, now_s: float) -> float:
-    """Return when to look again: a message of the cloud is missed then; infinite when none is waited for.
+    """Return when to look again, because a message of the cloud counts as lost then; infinite if none is expected.
 
-    Once it is overdue only a message of the robot's replica is missing, which is looked for often.
+    Once it is overdue, only a message of the robot's replica must come before it counts as lost: looks are frequent.
     """
     times = (due_s(collector, o, now_s) for o in collector.outputs if not o.late.missed)
     due = min(times, default=math.inf)
@@ -73,7 +73,7 @@ def next_look_s(collector: Collector, now_s: float) -> float:
 
 
 def look(collector: Collector, now_s: float) -> Collector:
-    """Note which messages of the cloud have not come in time; called when all that arrived was read."""
+    """Record which messages of the cloud are lost; called after everything that arrived was read."""
     outputs = tuple(
         replace(o, late=replace(o.late, missed=True)) if not o.late.missed and missed(collector, o, now_s) else o
         for o in collector.outputs
@@ -82,9 +82,9 @@ def look(collector: Collector, now_s: float) -> Collector:
 
 
 def missed(collector: Collector, output: OutputState, now_s: float) -> bool:
-    """Return whether the cloud's next message is lost: it did not come, and the robot's replica has spoken since.
+    """Return whether the cloud's next message is lost: it is overdue, and the robot's replica has published since.
 
-    Both silent prove nothing.
+    If both are silent, that proves nothing.
     """
     spoke_s, heard_s = output.robot_s, output.late.arrived_s
     return spoke_s is not None and spoke_s > heard_s and now_s >= due_s(collector, output, now_s)
@@ -93,8 +93,8 @@ def missed(collector: Collector, output: OutputState, now_s: float) -> bool:
 def release(before: Collector, after: Collector, now_s: float) -> tuple[Collector, tuple[int, ...]]:
     """Return the outputs whose kept message of the robot passes now, because the robot has taken over from the cloud.
 
-    Those of Hot replicas do that are no older than a period (without a rate: than any message may be), and the latched
-    ones of them whatever their age.
+    A message of a Hot replica passes if it is no older than a period (without a rate: than `max_age_s`), a latched one
+    at any age.
     """
     if not (_cloud_passes(before) and not _cloud_passes(after)):
         return after, ()

@@ -1,4 +1,4 @@
-"""What the collector remembers: of each output, and of who passes."""
+"""The collector's state: of each output, and which side passes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from robot_offload_core.words.settings import OutputSpec
 
 @dataclass(frozen=True)
 class OutputState:
-    """Per output: newest messages of each side; which of them pass is for the fence to know.
+    """State of one output; which messages pass is known to the fence alone.
 
-    `next_ready_s` is when the newest message came of the side that gets ready, which is held until the changeover.
-    `stale` says of a node with placement Cloud that its newest message was too old to pass. `standby_s` is when the
-    newest message of a Hot replica on the robot came, `standby_new` that consumers have not heard it, or have heard
-    the cloud since. `late`: how late the cloud's messages come; `floor_s`: least margin with which they are waited for
-    (Gate).
-    `robot_while_s`, `cloud_while_s`: since when `while` is true on that side; None while it is not.
+    Attributes:
+        spec: from the configuration.
+        next_ready_s: arrival of the newest message of the side that gets ready; it is held until the changeover.
+        robot_s, cloud_s: arrival of the newest message of each side.
+        stale: the newest message of a node with placement Cloud was too old to pass.
+        standby_s: arrival of the newest message of a Hot replica on the robot.
+        standby_new: consumers have not received that message, or have received one of the cloud since.
+        late: how late the cloud's messages come.
+        floor_s: least margin for them (Gate).
+        robot_while_s, cloud_while_s: since when `while` is true on that side; None while it is not.
     """
 
     spec: OutputSpec
@@ -40,16 +44,16 @@ class Collector:
     """State of the collector.
 
     Attributes:
-        fence: who passes, and what has passed; only functions of the fence change it.
+        fence: which side passes, and what has passed; only functions of the fence change it.
         outputs: one state per collected output, in the order of the configuration.
         flipped_s: when the last changeover took place.
-        acts_s: since when the side that passes now has passed, under whatever epochs.
+        acts_s: since when the side that passes now has passed, over all its epochs.
         prompt: see Gate.
         turned_s: the last turn of this process.
-        judged_from_s: silence is not reported before, see `turn`.
+        judged_from_s: silence is not reported before this time, see `turn`.
         stay: grows by one with each change of the side that passes, over restarts of this process.
-        loss_timeout_s: longest margin with which a message of the cloud is waited for; 0: none is.
-        activation_s: by when an output speaks whose `while` became true.
+        loss_timeout_s: margin for messages of the cloud until their lateness is known; 0: no message is expected.
+        activation_s: time in which an output must publish after its `while` became true.
         paused_s: end of the last pause of this process.
     """
 
@@ -67,7 +71,7 @@ class Collector:
 
     @property
     def charge(self) -> Charge | None:
-        """Who passes; None before control has spoken for the first time (the robot passes then)."""
+        """The charge that passes; None before control's first order (the robot passes then)."""
         return self.fence.charge
 
     @property
@@ -77,22 +81,22 @@ class Collector:
 
     @property
     def started_us(self) -> int:
-        """Start of the control process listened to."""
+        """Start of the control process whose orders count."""
         return self.fence.started_us
 
     @property
     def gate_s(self) -> float | None:
-        """When control last spoke to this process; None before."""
+        """When control sent its last order to this process; None before the first."""
         return self.fence.said_s
 
     @property
     def resumed_s(self) -> float | None:
-        """When this process took up what its predecessor had reached; None when it had none."""
+        """When this process continued from its predecessor's state; None without a predecessor."""
         return self.fence.resumed_s
 
     @property
     def fell_back(self) -> bool:
-        """Control went silent; only the robot passes until a new epoch is named."""
+        """Control fell silent; only the robot passes until control names a new epoch."""
         return self.fence.fell_back
 
     @property

@@ -1,8 +1,9 @@
-"""The control process: who is active, and what the nodes of a side have to do for it.
+"""The control process: decide which side is active, and bring the nodes of a side into the matching state.
 
-`robot/` places: it grants the lease, plans switches, takes over. `cloud/` holds the lease. `nodes/` brings the managed
-nodes of a side into the state that placement asks for. `process` is what both control processes have in common.
+`robot/` decides the placement: it grants the lease, plans switches and takes over. `cloud/` holds the lease. `nodes/`
+brings the managed nodes of a side into the state that placement asks for. `process` is shared by both control
+processes.
 
-Never here: a message of a node, a goal, a socket. What other processes found out arrives as an event; what they shall
-do leaves as a command. Serves the control processes, one on each side.
+Never here: a message of a node, a goal, a socket. Findings of other processes arrive as events; orders to them leave as
+commands. Serves the control processes, one on each side.
 """

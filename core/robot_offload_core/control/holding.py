@@ -1,4 +1,4 @@
-"""Outputs that have to speak only while something holds: which of them do now."""
+"""Outputs that must publish only while a condition (`while`) is true: which of them must publish now."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing
 
     Args:
         outputs: from the configuration.
-        executing: actions of which a goal is executed there.
+        executing: actions with a goal that is being executed on that side.
         flowing: outputs, by index, whose `while.topic` arrives there.
     """
     return tuple(
@@ -23,6 +23,5 @@ def holding(outputs: tuple[OutputSpec, ...], executing: Collection[str], flowing
 
 
 RELAY_UNHEARD_S = 0.35
-"""After this long without a report (three are missing) nothing is known of what a relay executes, so its outputs
-with `while`
-are not judged. Shorter than RELAY_GONE_S: not judging an output costs nothing."""
+"""After this long without a report (three are missing) it is unknown what a relay executes, and its outputs with
+`while` are not judged. Shorter than RELAY_GONE_S: not judging an output costs nothing."""

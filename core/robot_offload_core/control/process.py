@@ -1,6 +1,6 @@
-"""What the control processes of both sides do alike: the guardian, and which level is sent again when.
+"""What the control processes of both sides share: the guardian, and which level is sent again when.
 
-All calls come from one thread, the deciding one.
+All calls come from the one thread that decides.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ class ControlPorts(Protocol):
         """Answer a switch by hand."""
 
     def network_status(self, sustained: int) -> None:
-        """Publish that the link sustains the cloud (1), or does not any more (0)."""
+        """Publish whether the link sustains the cloud: 1 if it does, 0 if it no longer does."""
 
 
 class ControlProcess(ABC):
-    """Base of both sides.
+    """Base class of the control processes of both sides.
 
     Attributes:
-        guardian: state of its machine.
-        told_ready: the readiness of this side's nodes that was taken into account, told_asleep: with these outputs'
-            nodes asleep.
+        guardian: state of the guardian's machine.
+        told_ready: readiness of this side's nodes as last taken into account.
+        told_asleep: outputs whose nodes were asleep then.
         occasions: outputs, by index, whose `while.topic` arrives here.
-        executing: actions that the relay says this side executes, at relay_s.
-        witness: sees every step of the machines; None: nobody does.
+        executing: actions that this side executes, as the relay reported at relay_s.
+        witness: sees every step of the machines; None for no witness.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class ControlProcess(ABC):
         self, machine: Machine, step: Callable[[Before, Taken, float], tuple[Before, Done]],
         before: Before, event: Taken, now_s: float,
     ) -> tuple[Before, Done]:  # fmt: skip
-        """Return what a step of a machine comes to; the witness sees the step, also one that breaks a rule.
+        """Run a step of a machine, show it to the witness even if it breaks a rule, and return its result.
 
         Raises:
             InvariantError, AssertionError: the step breaks a rule.
@@ -105,7 +105,7 @@ class ControlProcess(ABC):
         return after, commands
 
     def guard(self, event: guardians.Event) -> None:
-        """Step the guardian and has its commands carried out."""
+        """Step the guardian and carry out its commands."""
         now_s = self.ports.now_s()
         self.guardian, commands = self.watched(Machine.GUARDIAN, guardians.step, self.guardian, event, now_s)
         for command in commands:
@@ -113,7 +113,7 @@ class ControlProcess(ABC):
         self.check_ready()
 
     def check_ready(self) -> None:
-        """Take the readiness of this side's nodes into account when it changed, and once at the start."""
+        """Call `ready_changed` if the readiness of this side's nodes has changed, and once at the start."""
         if self.guardian is self._checked:
             return
         self._checked = self.guardian
@@ -127,11 +127,11 @@ class ControlProcess(ABC):
         return guardians.is_ready(self.guardian)
 
     def asleep(self) -> tuple[int, ...]:
-        """Return the rated outputs, by index, whose node is known and not Active; where that matters, on the robot."""
+        """Return the rated outputs, by index, whose node is known and not Active; only the robot needs them."""
         return ()
 
     def note_flowing(self, outputs: tuple[int, ...]) -> None:
-        """Take which rated outputs of this side flow: their nodes live, however long they take to answer."""
+        """Pass the nodes of flowing rated outputs to the guardian: they are alive, however slowly they answer."""
         rated = [(i, name) for i, (o, name) in enumerate(self._published) if o.deadline_s > 0 and name]
         silent = {name for i, name in rated if i not in outputs}
         names = tuple(dict.fromkeys(name for _, name in rated if name not in silent))
@@ -139,12 +139,12 @@ class ControlProcess(ABC):
             self.guard(Flowing(names))
 
     def holding(self) -> tuple[int, ...]:
-        """Return the outputs, by index, whose `while` is true on this side; none by a relay that has fallen silent."""
+        """Return the outputs, by index, whose `while` is true on this side; without actions if the relay is silent."""
         executing = () if self.unjudged() else self.executing
         return holding(self._outputs, executing, self.occasions)
 
     def unjudged(self) -> tuple[str, str] | None:
-        """Return a problem while the relay is silent: outputs that are rated while an action runs are not judged."""
+        """Return a problem if the relay is silent, since outputs rated during an action are then not judged."""
         names = [o.shown for o in self._outputs if o.while_ is not None and o.while_.actions]
         silent = self.relay_s is None or self.ports.now_s() - self.relay_s > RELAY_UNHEARD_S
         if not names or not silent:
@@ -153,18 +153,18 @@ class ControlProcess(ABC):
         return Problem.RELAY_SILENT, message
 
     def degraded(self) -> tuple[str, str] | None:
-        """Return a problem while nodes that are not CORE are dead, refuse or were given up."""
+        """Return a problem if nodes that are not CORE are dead, refuse or were given up."""
         names = guardians.degraded(self.guardian)
         if not names:
             return None
         return NodeEvent.DEGRADED, f"Should be Active and are not: {', '.join(names)}; nobody waits for them"
 
     def node_states(self) -> tuple[tuple[str, str], ...]:
-        """Return (node, state) of this side; one without a lifecycle is active while it is seen."""
+        """Return (node, state) of each node of this side; a node without a lifecycle is active while it is seen."""
         return tuple((n.spec.name, n.state.value) for n in self.guardian.nodes)
 
     def turn(self) -> None:
-        """Let time pass: the machine's tick, the guardian's, and the network status."""
+        """Tick the machine and the guardian, and publish the network status if it changed."""
         self.tick()
         self._guard_tick()
         if self.sustained() != self.told_sustained:
@@ -172,7 +172,7 @@ class ControlProcess(ABC):
             self.ports.network_status(self.told_sustained)
 
     def _guard_tick(self) -> None:
-        """Let time pass for the guardian, unless it could do nothing: its last Tick did nothing and nothing is due."""
+        """Tick the guardian, unless its last Tick did nothing and nothing is due."""
         now_s = self.ports.now_s()
         if self.guardian is self._idle and now_s < self._idle_until_s:
             return
@@ -182,14 +182,14 @@ class ControlProcess(ABC):
         self._idle_until_s = guardians.due_s(self.guardian, now_s)
 
     def next_deadline_s(self) -> float:
-        """Return when a turn is worth more than at the next period; infinite when there is nothing to wait for."""
+        """Return when a turn is needed before the next period; infinite if there is nothing to wait for."""
         return float("inf")
 
     # -- what each side does in its own way ---------------------------------------------------------------------------
 
     @abstractmethod
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Take a beat of the other side, and our own newest, if that came along."""
+        """Take a beat of the other side, and our own newest beat if it came with it."""
 
     @abstractmethod
     def handle(self, message: object) -> None:
@@ -197,7 +197,7 @@ class ControlProcess(ABC):
 
     @abstractmethod
     def tick(self) -> None:
-        """Let time pass for the machine."""
+        """Tick the machine."""
 
     @abstractmethod
     def ready_changed(self, ready: bool) -> None:
@@ -205,4 +205,4 @@ class ControlProcess(ABC):
 
     @abstractmethod
     def sustained(self) -> int:
-        """Return 1 while the link sustains the cloud."""
+        """Return 1 if the link sustains the cloud, else 0."""

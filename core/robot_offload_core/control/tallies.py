@@ -1,4 +1,4 @@
-"""What a control process counts of its link and of its changes."""
+"""Counters of a control process about its link and its changes of side."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from robot_offload_core.words.decided import Decided
 LATENCY_MS = (5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 500, 1000)
 """Bounds of the link's latency: finest where the limits of most loops lie."""
 IN_FLIGHT = ("running", "waiting", "resent")
-"""Of an action's goals: executed now, waiting for a side that can, and how often an execution began anew."""
+"""Counts of an action's goals: executed now, waiting for an able side, and executions begun anew."""
 
 
 class LinkTally:
-    """What a control process has seen of its link and of its changes since its start.
+    """Counters of the link and of the changes of side since the start of a control process.
 
     Attributes:
         latency: counts by LATENCY_MS.
-        latency_sum_ms: of all round trips.
+        latency_sum_ms: sum of all round trips.
         received, lost: beats of the other side.
-        changeovers: by (side that took over, reason).
+        changeovers: counts by (side that took over, reason).
         losses: sudden losses of the cloud.
-        false_alarms: those after which a beat came within another `lossTimeout`.
-        silence_ms: without a good beat before the robot took over, all together.
+        false_alarms: losses after which a beat came within another `lossTimeout`.
+        silence_ms: total time without a good beat before the robot took over.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class LinkTally:
         self._alarm: tuple[str, float] = ("", 0.0)
 
     def look(self, link: Link, now_s: float, loss_timeout_s: float) -> None:
-        """Take the link after a beat."""
+        """Count what a beat has changed in the link."""
         seen, self._seen = self._seen, link
         if link is seen or not link.peer:
             return
@@ -57,7 +57,7 @@ class LinkTally:
             self.latency_sum_ms += link.round_trip_s * 1e3
 
     def decided(self, decided: Decided, peer: str, now_s: float) -> None:
-        """Take a decision about the placement; `peer` is the cloud that was heard until then."""
+        """Count a decision about the placement; `peer` is the cloud that was heard until then."""
         if not decided.switched:
             return
         key = (decided.site.value, decided.verdict.reason.value)

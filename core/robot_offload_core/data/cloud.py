@@ -1,4 +1,4 @@
-"""What the cloud's data process does: inputs to the replicas, and the egress, where the lease is read per message."""
+"""What the cloud's data process does: inputs to the replicas, and the egress, which checks the lease per message."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from robot_offload_core.words.topic_kinds import same_type
 from robot_offload_core.words.veil import veil_token
 
 REPORT_PERIOD_S = 0.2
-"""Least distance of two reports of the robot; those that come faster are dropped, as one a second is enough."""
+"""Least time between two reports of the robot; faster ones are dropped, as one a second is enough."""
 CLOSED = Egress("", "", SetEgress(None, 0.0))
 MAX_LATCHED = 32
 """Values kept per latched topic."""
@@ -36,10 +36,10 @@ class Kept:
 
     Attributes:
         payload: the message.
-        robot, echo_us: the newest beat that had been heard when it was published, and whose: its age counts from there.
-            One that waited for us was published before the newest beat: the echo is older by as much.
-        token, header: under which it left; None, b"": it has not.
-        said: consumers here have heard it.
+        robot, echo_us: sender and time stamp of the newest beat heard before the message was published. Its age is
+            counted from that beat; if the message waited before we read it, the stamp is earlier by that wait.
+        token, header: under which it left; None, b"" if it has not.
+        said: consumers here have received it.
     """
 
     payload: Any
@@ -51,7 +51,7 @@ class Kept:
 
 
 class CloudDataPorts(DataPorts, Protocol):
-    """What the shell does for the cloud's data process besides."""
+    """What else the shell does for the cloud's data process."""
 
     def publish_output(self, index: int, payload: Any) -> None:
         """Publish a message of output `index` to its consumers in the cloud."""
@@ -60,26 +60,26 @@ class CloudDataPorts(DataPorts, Protocol):
         """Publish on the replica's private topic what it would otherwise receive on the public topic."""
 
     def input_type(self, name: str) -> str:
-        """Return the type under which an input is published, behind a blank its hash where known; "" not yet."""
+        """Return the type under which an input is published, then a blank and its hash if known; "" if none yet."""
 
     def publish_input(self, name: str, payload: Any) -> bool:
-        """Publish a message of an input to the replicas; return False while its type is not known."""
+        """Publish a message of an input to the replicas; return False while its type is unknown."""
 
 
 class CloudDataProcess(DataProcess):
-    """See the module.
+    """The cloud's data process.
 
     Attributes:
         egress: what may leave, from control.
-        sequence: newest of each output under its present token.
-        first_result: of results, larger in each life.
-        newest: robot's incarnation and sequence of the newest message of each input: no older one is published.
-        accepted: arrival of the newest message of each input, and the bound of its age then.
-        spoke_s: when a replica last published each output, whether or not it could leave.
+        sequence: newest sequence of each output under its present token.
+        first_result: first sequence of results, larger at each start of this process.
+        newest: robot's incarnation and sequence of the newest message of each input; no older one is published.
+        accepted: arrival of the newest message of each input, and the upper bound of its age then.
+        spoke_s: when a replica last published each output, whether or not the message could leave.
         mirror: gate in front of the consumers in the cloud.
         kept: the newest message of each output.
-        wanted: hash that the robot holds of each latched input.
-        known_types: of inputs, as the robot says now.
+        wanted: the robot's hash of each latched input.
+        known_types: types of inputs, as last reported by the robot.
     """
 
     def __init__(self, plan: DataPlan, ports: CloudDataPorts) -> None:
@@ -147,14 +147,14 @@ class CloudDataProcess(DataProcess):
             self._say_own(index, message)
 
     def _seal(self, index: int, message: Kept, token: Token) -> None:
-        """Give a message the header under which it leaves."""
+        """Set the header and token under which a message leaves."""
         echo_us = message.echo_us if message.robot == token.robot else 0
         latched = index in self.last_values
         message.header = self.sealed(Envelope(token, self._next_sequence(index, token), echo_us, latched))
         message.token = token
 
     def sealed(self, header: Envelope) -> bytes:
-        """Return the bytes of a header of ours, which names the robot by a hash unless that is an older one."""
+        """Encode a header of ours, which names the robot by a hash unless the robot's agent is an older one."""
         return envelope.encode(replace(header, token=veil_token(header.token)) if self.egress.veils else header)
 
     def _send(self, index: int, message: Kept) -> None:
@@ -163,7 +163,7 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.{'sent' if sent else 'unsent'}"] += 1
 
     def _say_own(self, index: int, message: Kept) -> None:
-        """Let the consumers here hear a message that left, once the cloud is in charge under its token."""
+        """Publish a message that left to the consumers here, once the cloud is in charge under its token."""
         if not self.plan.outputs[index].mirrored or not self.plan.carried or message.token is None:
             return
         with self.ports.lock:
@@ -177,9 +177,9 @@ class CloudDataProcess(DataProcess):
     def _begin_stay(self) -> None:
         """Publish the newest message of each output that may stay silent for a while: the cloud is active now.
 
-        What left while the cloud got ready may have met a collector that was not waiting for it yet: so it leaves again
-        under the same sequence, by which it passes once. What Hot replicas said before leaves for the first time: the
-        collector judges its age, a latched message has none.
+        A message that left while the cloud got ready may have reached the collector too early. So it leaves again under
+        the same sequence, which lets it pass only once. Earlier messages of Hot replicas leave for the first time; the
+        collector judges their age, except for latched messages.
         """
         egress = self.egress.egress
         for index, message in tuple(self.kept.items()):
@@ -201,7 +201,7 @@ class CloudDataProcess(DataProcess):
         self.ports.publish_output(index, payload)
 
     def hear_others(self, index: int, payload: Any) -> None:
-        """Take a message of the public topic of a shared output here: the replica hears what others say there."""
+        """Pass on to the replica what other nodes publish on the public topic of a shared output here."""
         with self.ports.lock:
             said = self.loops[index].others(payload, self.ports.now_s())
         if said is not None:
@@ -215,7 +215,7 @@ class CloudDataProcess(DataProcess):
         self.note(f"taken {name}", taken)
 
     def _of_replica(self, index: int, payload: Any) -> Any | None:
-        """Return what the replica said in a message of its private topic; None for what we have put there."""
+        """Return the part of a private-topic message that the replica itself published; None for a message of ours."""
         with self.ports.lock:
             return self.loops[index].replica(payload, self.ports.now_s())
 
@@ -232,7 +232,7 @@ class CloudDataProcess(DataProcess):
     # -- from the robot -----------------------------------------------------------------------------------------------
 
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Take an input, or what has passed at the robot's collector."""
+        """Take an input, a message that passed at the robot's collector, or one that others published on the robot."""
         del header
         if opened.token.robot != self.egress.robot or not opened.token.robot:
             self.counters[f"{name}.foreign"] += 1
@@ -252,7 +252,7 @@ class CloudDataProcess(DataProcess):
             self._take_input(name, opened, payload)
 
     def _take_input(self, name: str, opened: Envelope, payload: Any) -> None:
-        """Take a message of an input: what is young enough, newer than the last and of the right type is published."""
+        """Publish a message of an input if it is young enough, newer than the last one and of the right type."""
         now_s = self.ports.now_s()
         known = opened.token.cloud == self.egress.incarnation  # else the echo is of another host's clock
         age_s = opened.age_s(now_s) if known else float("inf")
@@ -260,7 +260,7 @@ class CloudDataProcess(DataProcess):
             self.counters[f"{name}.too_old"] += 1
             return
         refusal = self._refusal(name, opened.token.robot)
-        if refusal:  # what reaches nobody must not count as fresh
+        if refusal:  # a message that reaches no replica must not count as fresh
             self.counters[f"{name}.{refusal}"] += 1
             return
         source = (opened.token.robot, opened.sequence)
@@ -279,9 +279,9 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.{'published' if published else 'no_type'}"] += 1
 
     def _refusal(self, name: str, robot: str) -> str:
-        """Return why a message of an input must not be published, "" when it may.
+        """Return why a message of an input must not be published, "" if it may.
 
-        The robot's type counts as long as it is the same life of the robot that has said it.
+        The robot's type counts as long as the same incarnation of the robot has reported it.
         """
         theirs = self.known_types.get(name, "") if self.probe and self.probe.incarnation == robot else ""
         if not theirs:
@@ -290,14 +290,14 @@ class CloudDataProcess(DataProcess):
         return "" if not ours or same_type(ours, theirs) else Reason.TYPES_DIFFER.value
 
     def _give_to_standby(self, index: int, payload: Any) -> None:
-        """Let the replica here hear on its private topic what the robot's has said."""
+        """Publish a message of the robot's replica on the private topic of the replica here."""
         with self.ports.lock:
             said = self.loops[index].holder(payload, self.ports.now_s())
         if said is not None:
             self.ports.fill(index, said)
 
     def _take_others(self, index: int, name: str, opened: Envelope, payload: Any) -> None:
-        """Take what somebody outside the group said on the robot: for the replica and the consumers here."""
+        """Pass a message that a node outside the group published on the robot to the replica and the consumers here."""
         source, channel = (opened.token.robot, opened.sequence), others_of(name)
         with self.ports.lock:
             before = self.newest.get(channel)
@@ -316,19 +316,19 @@ class CloudDataProcess(DataProcess):
         self.counters[f"{name}.others"] += 1
 
     def repeat_others(self, index: int) -> None:
-        """Fill the latched messages of others in again: the publisher of the private topic was made a moment ago."""
+        """Fill in the latched messages of others again, because the publisher of the private topic is new."""
         for payload in tuple(self.latched.get(others_of(self.plan.outputs[index].name), ())):
             with self.ports.lock:
                 said = self.loops[index].far(payload, self.ports.now_s())
             self.ports.fill(index, said)
 
     def _keep_latched(self, name: str, payload: Any) -> None:
-        """Keep the values that make up the robot's hash: the newest ones, as many as give it."""
+        """Add a value and keep the newest values that together have the robot's hash."""
         self.latched[name] = [*[v for v in self.latched[name] if v != payload][1 - MAX_LATCHED :], payload]
         self._drop_older(name)
 
     def _drop_older(self, name: str) -> None:
-        """Keep the newest values, as many as have the hash that the robot names; all while none have."""
+        """Keep only the newest values that together have the robot's hash; all of them while none match."""
         values = self.latched[name]
         target = self.wanted.get(name, "")
         for start_at in range(1, len(values)):
@@ -337,7 +337,7 @@ class CloudDataProcess(DataProcess):
                 break
 
     def watch(self, name: str) -> None:
-        """Note that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
+        """Record that an input arrived by itself, as on DDS transports; only its silence can be judged there."""
         self.accepted[name] = (self.ports.now_s(), 0.0)
 
     # -- levels -------------------------------------------------------------------------------------------------------
@@ -350,11 +350,11 @@ class CloudDataProcess(DataProcess):
                 self._begin_stay()
 
     def limit(self, limits: Limits) -> None:
-        """Take the oldest age of each input."""
+        """Take the age limit of each input."""
         self.max_age_ms.update({name: age_ms for name, age_ms, _ in limits.inputs})
 
     def make_probe(self) -> Probe:
-        """Return identity, hashes held, types found in the graph, node states and a request."""
+        """Return a probe with identity, hashes held, types found in the graph, node states and a request."""
         egress = self.egress
         prepares = egress.egress.token is not None and not egress.egress.in_charge
         preparing = egress.egress.token.epoch if prepares and egress.egress.token is not None else 0
@@ -364,16 +364,16 @@ class CloudDataProcess(DataProcess):
         )  # fmt: skip
 
     def _types(self) -> dict[str, str]:
-        """Return the types of outputs here, and those under which inputs are published."""
+        """Return the types of the outputs here, and the types under which inputs are published."""
         inputs = {name: self.ports.input_type(name) for name in self.max_age_ms if name not in self.index}
         return self.ports.types() | {name: of for name, of in inputs.items() if of}
 
     def knows(self, incarnation: str) -> bool:
-        """Return True for the robot served: a second one of the same identity must not disturb the first."""
+        """Return True for the robot served; a second one with the same identity must not disturb the first."""
         return bool(incarnation) and incarnation == self.egress.robot
 
     def reported(self, payload: Any) -> None:
-        """Pass the robot's own numbers to control: small ones, and few."""
+        """Pass a report of the robot to control, unless it is too large or comes too soon."""
         now_s = self.ports.now_s()
         if len(payload) > MAX_REPORT or now_s < self.report_due_s:
             self.counters["garbage.report"] += 1
@@ -401,7 +401,7 @@ class CloudDataProcess(DataProcess):
         self.known_types = {**self.known_types, **types}
 
     def complete(self) -> bool:
-        """Return whether the latched inputs are the robot's."""
+        """Return whether all latched inputs here equal the robot's."""
         return all(self.latched.get(n) and self.digest(n) == h for n, h in self.wanted.items())
 
     def report(self, now_s: float, detailed: bool) -> None:

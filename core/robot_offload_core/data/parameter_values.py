@@ -1,7 +1,7 @@
-"""Parameters of nodes as state: the form in which the holder's reach the standby, and what is to be set there. Pure.
+"""Parameters of nodes as state: the message from the holder to the standby, and which values to set there. Pure.
 
-A message is JSON, `{NODE: {PARAMETER: [TYPE, VALUE]}}`; TYPE is a number of `rcl_interfaces/msg/ParameterType`. What
-arrives may come from anybody: it is whole and typed, or nothing of it is used.
+A message is JSON, `{NODE: {PARAMETER: [TYPE, VALUE]}}`; TYPE is a number of `rcl_interfaces/msg/ParameterType`. It may
+come from any node: unless it is whole and correctly typed, none of it is used.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robot_offload_core.words.parameters import MAX_NAME, MAX_SHOWN, PRIVATE_TOP
 
 MAX_NODES: Final = 32
 MAX_PARAMETERS: Final = 4096
-"""Of one node; the largest nodes of Nav2 have some 200."""
+"""Most parameters of one node; the largest nodes of Nav2 have some 200."""
 _INTEGERS = range(-(1 << 63), 1 << 63)
 
 
@@ -45,16 +45,16 @@ Value = tuple[int, Any]
 """Type and value; arrays are lists, bytes are whole numbers."""
 Table = Mapping[str, Value]
 Tables = Mapping[str, Table]
-"""By node, as the resource names it."""
+"""Tables by the node's resource name."""
 
 
 def encode(tables: Tables) -> bytes:
-    """Return the message of these parameters; equal ones give equal messages."""
+    """Encode parameters; equal parameters give equal messages."""
     return json.dumps(tables, sort_keys=True, separators=(",", ":")).encode()
 
 
 def decode(message: bytes) -> dict[str, dict[str, Value]] | None:
-    """Return the parameters of a message; None where it is none of ours."""
+    """Decode a message; return None if it is not valid."""
     try:
         found = json.loads(message)
     except (ValueError, RecursionError):
@@ -78,7 +78,7 @@ def _table(found: object) -> dict[str, Value] | None:
 
 
 def _fits(kind: object, value: object) -> bool:
-    """Return whether a value is of its type."""
+    """Return whether a value has its stated type."""
     if isinstance(kind, bool) or not isinstance(kind, int) or kind not in set(Type):
         return False
     element = _ELEMENTS.get(Type(kind))
@@ -100,7 +100,7 @@ def _is_one(kind: Type, value: object) -> bool:
 
 
 def here(table: Table, site: Site) -> dict[str, Value]:
-    """Return parameters with the private topics of the other side written as those of this one."""
+    """Return parameters with private topics of the other side replaced by those of this side."""
     return {name: (kind, _renamed(value, site)) for name, (kind, value) in table.items()}
 
 
@@ -111,7 +111,7 @@ def _renamed(value: Any, site: Site) -> Any:
 
 
 def unlike(wanted: Table, own: Table) -> dict[str, Value]:
-    """Return what is to be set so that `own` has the values of `wanted`: names that `own` lacks are left out.
+    """Return the values to set so that `own` equals `wanted`, leaving out names that `own` lacks.
 
     Values are compared as text: NaN equals NaN.
     """
@@ -119,11 +119,11 @@ def unlike(wanted: Table, own: Table) -> dict[str, Value]:
 
 
 def absent(wanted: Table, own: Table) -> list[str]:
-    """Return the names that the node here has not declared."""
+    """Return the wanted names that the node here has not declared."""
     return sorted(name for name in wanted if name not in own)
 
 
 def sentence(refused: Sequence[str]) -> str:
-    """Return what is said of parameters that were not taken, each as `NODE.NAME (REASON)`; "": none."""
+    """Return a message about parameters that were not taken, each as `NODE.NAME (REASON)`; "" for none."""
     more = f" and {len(refused) - MAX_SHOWN} more" if len(refused) > MAX_SHOWN else ""
     return f"the replica did not take {', '.join(refused[:MAX_SHOWN])}{more}" if refused else ""

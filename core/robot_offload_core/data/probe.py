@@ -1,8 +1,8 @@
-"""The probe: ten times a second each data process says to the other that the data session lives, and what it holds.
+"""The probe: ten times a second each data process sends the other a sign of life or a list of what it holds.
 
-A sign of life is a hundred bytes, so it fits one datagram however large the graph is. What this side holds goes whole
-until the other side says that it has it (by its digest), and once a second. Everything is a level, so what is lost on
-the way loses nothing. JSON, because it is small, rare and grows.
+A sign of life is a hundred bytes, so it fits one datagram however large the graph is. A whole probe, with all that this
+side holds, is sent until the other side acknowledges it (by its digest), and once a second. Everything is a level, so a
+lost message does no harm. JSON, because it is small, rare and grows.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ VERSION = 2
 
 
 MAX_BYTES = 150_000
-"""Longer ones are none of ours; control gets the notes in one datagram."""
+"""Longer ones are not valid; control gets the notes in one datagram."""
 MAX_ENTRIES = 1024
 MAX_NAME = 256
 """Characters of a name, a hash, a type or a state."""
@@ -31,7 +31,7 @@ HASH = re.compile(r"[A-Za-z0-9_]{1,100}")
 
 
 class ProbeError(ValueError):
-    """Bytes that are no probe of ours; `reason`: BadForm or OtherVersion."""
+    """The bytes are not a valid probe; `reason`: BadForm or OtherVersion."""
 
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(text)
@@ -44,8 +44,8 @@ class Sign:
 
     Attributes:
         incarnation: of the sender's control process.
-        digest: of what the sender holds now, as its whole probe says it.
-        held: digest of the newest whole probe of the other side that the sender has got; "" for none.
+        digest: of the sender's present whole probe.
+        held: digest of the newest whole probe that the sender has received from the other side; "" for none.
     """
 
     incarnation: str
@@ -59,15 +59,15 @@ class Probe:
 
     Attributes:
         incarnation: of the sender's control process; pulse and data must show the same one.
-        latched: hash of the last values of each latched input that the sender holds.
-        types: interface type of each input and output that the sender knows; behind a blank its hash where known.
+        latched: hash of the sender's last values of each latched input.
+        types: interface type of each input and output that the sender knows, then a blank and its hash if known.
         nodes: lifecycle state of each managed node of the sender.
-        word: a request to, or an answer of, the robot's control process; "" for none.
+        word: a request to the robot's control process, or its answer; "" for none.
         notes: of the sender's control process (notes.py); "" for none.
         preparing: epoch under which the sender gets ready; 0 while it does not.
-        lacks: why the sender does not know a state of the side that acts, by the state's name.
+        lacks: why the sender does not know a state of the active side, by the state's name.
         digest, held: see Sign.
-        hashes: of the types of inputs, by name, as the robot says; apart, because an older cloud reads a name alone.
+        hashes: hashes of input types, by name, from the robot; separate, because an older cloud reads only names.
     """
 
     incarnation: str
@@ -83,12 +83,12 @@ class Probe:
     hashes: dict[str, str] = field(default_factory=dict)
 
     def type_of(self, name: str) -> str:
-        """Return the type of an input or output, behind a blank its hash where known; "" where it is not known."""
+        """Return the type of an input or output, then a blank and its hash if known; "" if the type is unknown."""
         return " ".join(filter(None, (self.types.get(name, ""), self.hashes.get(name, ""))))
 
 
 def encode(sent: Probe | Sign) -> bytes:
-    """Return the bytes of a whole probe, or of a sign of life."""
+    """Encode a whole probe or a sign of life."""
     body: dict[str, object] = {"v": VERSION, "i": sent.incarnation, "d": sent.digest, "h": sent.held}
     if isinstance(sent, Probe):
         body |= {"l": sent.latched, "t": sent.types, "n": sent.nodes, "w": sent.word, "s": sent.notes}
@@ -98,13 +98,13 @@ def encode(sent: Probe | Sign) -> bytes:
 
 
 def signed(probe: Probe, held: str) -> Probe:
-    """Return the probe with its digest and with what its sender has got of the other side."""
+    """Return the probe with its digest, and with the digest of the newest probe received from the other side."""
     bare = replace(probe, digest="", held="")
     return replace(probe, digest=digest([encode(bare)]), held=held)
 
 
 def decode(data: bytes) -> Probe | Sign:
-    """Read a probe; raise ProbeError for anything that is none."""
+    """Decode a probe or a sign of life; raise ProbeError for anything else."""
     try:
         body = json.loads(data) if len(data) <= MAX_BYTES else None
     except (ValueError, RecursionError) as error:
@@ -146,7 +146,7 @@ def _table(value: object) -> dict[str, str]:
 
 
 def digest(values: list[bytes]) -> str:
-    """Return hash of a latched topic's kept values, in order."""
+    """Return the hash of a latched topic's kept values, in order."""
     total = hashlib.sha256()
     for value in values:
         total.update(len(value).to_bytes(8, "big") + value)

@@ -1,7 +1,7 @@
-"""What the data processes of both sides do alike: probes out and in, notes passed on, reports.
+"""What the data processes of both sides share: probes out and in, notes passed on, reports.
 
-Several threads may call: those of the link (`arrived`), of ROS (messages of the user's nodes) and the bus (the rest).
-Levels are read once per call, what is changed by two threads is guarded by the lock of the shell.
+Several threads may call: those of the link (`arrived`), of ROS (messages of the user's nodes) and of the bus (the
+rest). Levels are read once per call. State that two threads change is guarded by the shell's lock.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from robot_offload_core.words.settings import OutputSpec
 STATUS_PERIOD_S = 0.040
 """How often control gets a report."""
 SIGN_S = 0.050
-"""Most time between two signs of life: far below `pauses.LIMIT_S`."""
+"""Longest time between two signs of life: far below `pauses.LIMIT_S`."""
 EARLY_PROBE_S = 0.030
-"""A probe that is due within this time goes with a report: a wake-up costs more than the probe."""
+"""A probe due within this time goes out with a report: a wake-up costs more than the probe."""
 DETAIL_PERIOD_S = 1.0
-"""How often problems and counters go with it."""
+"""How often a report includes problems and counters."""
 RELAY = "relay"
-"""Channel of what the two relays write to each other."""
+"""Channel of the messages between the two relays."""
 REPORT = "report"
-"""Channel of the robot's own numbers."""
+"""Channel of the robot's own figures."""
 MAX_REPORT = 2000
-"""Bytes of a report; one comes a second."""
+"""Bytes of a report; there is one a second."""
 
 
 class DataPorts(Protocol):
@@ -43,7 +43,7 @@ class DataPorts(Protocol):
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
-        """Return what guards state that several threads change."""
+        """Return the lock that guards state changed by several threads."""
 
     def now_s(self) -> float:
         """Return the steady clock, seconds."""
@@ -70,7 +70,7 @@ class DataPorts(Protocol):
         """Drop the data session and open a new one."""
 
     def types(self) -> dict[str, str]:
-        """Return the interface types that this side has found in the graph, by input or output."""
+        """Return the interface types found in this side's graph, by input or output."""
 
     def warn(self, message: str) -> None:
         """Log a warning."""
@@ -85,10 +85,10 @@ class InputPlan:
         max_age_ms: oldest message that the replicas get; 0: any, and the input is not required.
         rate_hz: most messages a second to the cloud; 0: all.
         latched: last values are kept and exchanged.
-        min_rate_hz: on a link that carries no more it is thinned to this rate at most; 0: never.
-        priority: what goes first there.
+        min_rate_hz: on a narrow link the input is thinned, but never below this rate; 0: it is never thinned.
+        priority: which inputs go first then.
         latest: the newest refused message is sent as soon as there is room.
-        topic: as people know it; "": the name.
+        topic: the name that people know; "": `name`.
     """
 
     name: str
@@ -109,8 +109,8 @@ class OutputPlan:
         name: of the output.
         deadline_s: silence of a rated output that means a fault; 0: not rated.
         mirrored: it has consumers in the cloud.
-        of_cloud: of a node with placement Cloud: it leaves under the presence token, whoever is in charge.
-        spec: as the collector knows it; None where nothing but the above matters.
+        of_cloud: its node has placement Cloud: it leaves under the presence token, whichever side is in charge.
+        spec: as the collector knows it; None if only the fields above matter.
     """
 
     name: str
@@ -121,16 +121,16 @@ class OutputPlan:
 
     @property
     def rated(self) -> bool:
-        """Its silence is judged."""
+        """Return whether silence of the output is judged."""
         return self.deadline_s > 0
 
 
 @dataclass(frozen=True)
 class DataPlan:
-    """What the configuration says of data.
+    """Configuration of the data processes.
 
     Attributes:
-        inputs, outputs: declared ones.
+        inputs, outputs: the declared ones.
         max_message_size: bytes; a larger message does not cross.
         carried: the agents carry inputs and mirrored outputs (Zenoh).
     """
@@ -142,23 +142,23 @@ class DataPlan:
 
 
 def others_of(name: str) -> str:
-    """Return the channel of what others say on a shared output."""
+    """Return the channel of the messages that others publish on a shared output."""
     return f"others/{name}"
 
 
 class DataProcess(ABC):
-    """Base of both sides.
+    """Base class of the data processes of both sides.
 
     Attributes:
         heard: the newest beat of the partner, for echo references.
         probe: the newest whole probe of the other side.
         probe_s: when the other side was last heard.
-        acknowledged: digest of our newest whole probe that the other side has got.
-        whole_due_s: when to send it again.
-        latched: last values of each latched input that this side holds, and of what others say on shared outputs.
-        shared: names of the latter.
+        acknowledged: digest of our newest whole probe that the other side has received.
+        whole_due_s: when to send a whole probe again.
+        latched: last values of each latched input on this side, and of others' messages on latched shared outputs.
+        shared: channels of the latter.
         notes: of our control, for the other side.
-        lacks: why this side does not know a state of the one that acts, by name.
+        lacks: why this side does not know a state of the active side, by name of the state.
         before_active: names of the states that a node takes when it becomes Active.
         came_s: when a message of each input last came.
         problems: by key, for diagnostics.
@@ -210,16 +210,16 @@ class DataProcess(ABC):
             self.order(message)
 
     def woke(self) -> None:
-        """Note a sign of life of the process: a long silence of ours is a pause."""
+        """Record a sign of life of this process; a long gap between two is a pause."""
         self.pauses.waited(self.ports.now_s())
 
     @property
     def due_s(self) -> float:
-        """When `turn` has something to do, or a sign of life is due lest a wait looks like a pause."""
+        """Return when `turn` is due, or a sign of life, without which a wait would look like a pause."""
         return min(self.status_due_s, self.probe_due_s, self.pauses.alive_s + SIGN_S)
 
     def turn(self) -> None:
-        """Send the probe and the report that are due."""
+        """Send the probe and the report if they are due."""
         now_s = self.ports.now_s()
         soon_s = EARLY_PROBE_S if now_s >= self.status_due_s else 0.0
         if now_s >= self.probe_due_s - soon_s:
@@ -232,17 +232,17 @@ class DataProcess(ABC):
             self.report(now_s, detailed)
 
     def waited_s(self, waits: Waits, published_s: float | None) -> float:
-        """Return how long a message of a node here waited before we took it; `published_s`: its publisher's stamp."""
+        """Return how long a message of a node here waited for us; `published_s`: its publisher's stamp."""
         if published_s is None:
             return 0.0
         return waits.waited_s(published_s, self.ports.system_s(), self.ports.now_s())
 
     def next_status_s(self, now_s: float) -> float:
-        """Return when to report again after a report."""
+        """Return when to send the next report, after one at `now_s`."""
         return now_s + STATUS_PERIOD_S
 
     def _send_probe(self, now_s: float) -> None:
-        """Send a sign of life; whole while the other side has not got what we hold now, and once a second."""
+        """Send a sign of life, or a whole probe if the other side lacks our newest one, and once a second."""
         held = self.probe.digest if self.probe else ""
         made = probe.signed(replace(self.make_probe(), notes=self.notes), held)
         sent: Probe | Sign = Sign(made.incarnation, made.digest, held)
@@ -251,13 +251,13 @@ class DataProcess(ABC):
         self.ports.cross("probe", b"-", probe.encode(sent))
 
     def lack(self, lacks: dict[str, str]) -> None:
-        """Take what this side lacks of the other one's state, by name; a change is said at once."""
+        """Take what this side lacks of the other side's state, by name; report a change at once."""
         if lacks != self.lacks:
             self.lacks = lacks
             self.probe_due_s = self.status_due_s = self.ports.now_s()
 
     def fits(self, name: str, payload: Any) -> bool:
-        """Return whether a message is small enough to cross; one that is not is counted and said by name."""
+        """Return whether a message is small enough to cross; count and report a larger one by name."""
         key, most = f"size {name}", self.plan.max_message_size
         if len(payload) <= most:
             if key in self.problems:
@@ -276,7 +276,7 @@ class DataProcess(ABC):
             self.problems[key] = problem
 
     def details(self, detailed: bool) -> tuple[tuple[tuple[str, str], ...], tuple[tuple[str, int], ...]]:
-        """Return problems and counters for a detailed report, nothing otherwise."""
+        """Return problems and counters for a detailed report, otherwise empty tuples."""
         if not detailed:
             return (), ()
         return tuple(self.problems.values()), tuple(sorted(self.counters.items()))
@@ -303,11 +303,11 @@ class DataProcess(ABC):
         self.carried_in(kind, name, opened, header, payload)
 
     def sealed(self, header: Envelope) -> bytes:
-        """Return the bytes of a header of ours."""
+        """Encode a header of ours."""
         return envelope.encode(header)
 
     def opened(self, header: bytes) -> Envelope:
-        """Read a header of the other side; raise EnvelopeError."""
+        """Decode a header of the other side; raise EnvelopeError if it is not valid."""
         return envelope.decode(header)
 
     def _probe_arrived(self, payload: bytes) -> None:
@@ -331,12 +331,12 @@ class DataProcess(ABC):
         self._pass_notes(whole)
 
     def reported(self, payload: Any) -> None:
-        """Take a report of the other side; nobody waits for one here."""
+        """Count a report of the other side as garbage; only the cloud expects one."""
         del payload
         self.counters["garbage.report"] += 1
 
     def _refuse(self, error: ProbeError) -> None:
-        """Count what is no probe of ours; another version is a problem that somebody has to solve."""
+        """Count an invalid probe; record another version as a problem that a person has to solve."""
         self.counters["garbage.probe"] += 1
         if error.reason == "OtherVersion":
             message = f"The other side's agent is of another release ({error}); install the same one on both sides"
@@ -345,7 +345,7 @@ class DataProcess(ABC):
             self.ports.warn(f"Ignoring a foreign probe ({error}); more of them are only counted")
 
     def _pass_notes(self, received: Probe) -> None:
-        """Pass notes of the other side's control to ours: at changes, and once a second because ours may be new."""
+        """Pass notes of the other side's control to ours: at changes, and once a second as ours may have restarted."""
         notes, now_s = (received.incarnation, received.notes), self.ports.now_s()
         if received.notes and (notes != self.notes_passed or now_s >= self.notes_due_s):
             self.notes_passed, self.notes_due_s = notes, now_s + DETAIL_PERIOD_S
@@ -364,7 +364,7 @@ class DataProcess(ABC):
         return tuple(found)
 
     def probe_age_s(self, now_s: float) -> float | None:
-        """Return seconds since the other side was last heard on the data session; None: never."""
+        """Return the seconds since the other side was last heard on the data session; None: never."""
         return None if self.probe_s is None else now_s - self.probe_s
 
     def digests(self) -> dict[str, str]:
@@ -374,7 +374,7 @@ class DataProcess(ABC):
     def digest(self, name: str) -> str:
         """Return the hash of the values held of one latched input.
 
-        A list of values is never changed, a change is another list: so each is hashed once, however large it is.
+        A list of values is never modified but replaced, so each is hashed once, however large it is.
         """
         values = self.latched[name]
         known = self._digests.get(name)
@@ -394,11 +394,11 @@ class DataProcess(ABC):
 
     @abstractmethod
     def make_probe(self) -> Probe:
-        """Return what this side says in its probes."""
+        """Return this side's next whole probe."""
 
     @abstractmethod
     def knows(self, incarnation: str) -> bool:
-        """Return whether a probe of that incarnation of the other side is for us."""
+        """Return whether a probe from that incarnation of the other side is for us."""
 
     @abstractmethod
     def probed(self, received: Probe) -> None:

@@ -1,4 +1,4 @@
-"""What the robot's data process does: inputs to the cloud, the cloud's envelopes to the collector."""
+"""What the robot's data process does: send inputs to the cloud, and hand the cloud's messages to the collector."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from robot_offload_core.words.veil import unveil_token
 RESEND_PERIOD_S = 0.5
 """How often latched values are sent again until the cloud shows that it holds them."""
 OTHERS_AFTER_S = 0.5
-"""Silence of our cloud's probes after which those of another agent count: as long as control waits for them."""
+"""Silence of our cloud's probes after which another agent's probes count: as long as control waits for them."""
 MAX_LATCHED = 32
 """Values kept per latched topic; one per publisher, several for topics such as /tf_static."""
 LATEST_S = 1.0
@@ -32,19 +32,19 @@ LATEST_S = 1.0
 ARRIVED_S = 0.025
 """Delay of the report to control after the cloud's probe was due: by then it has arrived, unless it was lost."""
 EARLY_SHARE = 0.8
-"""Share of the least distance of two messages after which one passes: publishers jitter, not every second may fall."""
+"""Share of the least time between two messages after which one passes: else jitter could drop every second message."""
 
 
 class RobotDataProcess(DataProcess):
-    """See the module.
+    """The robot's data process.
 
     Attributes:
         sequence, sent_s: of each input.
-        least_s: least distance of two messages of it.
-        waiting: newest refused message of each input with `latest`: since when, its header, its payload.
-        hurries: control must know at once which outputs are to speak (`while`).
-        told: what the last report to control said, without what changes all the time.
-        told_types: the cloud's types as the collector last heard them.
+        least_s: least time between two messages of each input.
+        waiting: newest refused message of each input with `latest`: since when it waits, its header, its payload.
+        hurries: control must know at once which outputs must publish (`while`).
+        told: last report to control, without the values that always change.
+        told_types: the cloud's types as last sent to the collector.
     """
 
     def __init__(self, plan: DataPlan, ports: DataPorts) -> None:
@@ -74,7 +74,7 @@ class RobotDataProcess(DataProcess):
         Args:
             name: of the input.
             payload: the message.
-            publishers: of a latched topic: as many values are kept.
+            publishers: number of publishers; this many values of a latched topic are kept.
             published_s: its publisher's stamp, by the system clock of that host; None: it has none.
         """
         now_s = self.came_s[name] = self.ports.now_s()
@@ -99,14 +99,14 @@ class RobotDataProcess(DataProcess):
         self.send_input(name, payload, waited_s)
 
     def send_input(self, name: str, payload: Any, waited_s: float = 0.0) -> None:
-        """Send with a header that lets the cloud bound the message's age; it waited so long for us already."""
+        """Send a message that waited `waited_s` for us, with a header that lets the cloud bound its age."""
         header = self._header(name, waited_s)
         sent = self._cross_input(name, header, payload)
         with self.ports.lock:
             replaced = self.waiting.pop(name, None)
             if not sent and name in self.latest:
                 self.waiting[name] = self.ports.now_s(), header, payload
-        # One that waits may still be sent in time: only when the next one takes its place the link carries too little.
+        # A waiting message may still be sent in time; if the next one replaces it, the link carries too little.
         left_out = not sent and (name not in self.latest or replaced is not None)
         if left_out and self.ports.link_status()[0]:
             self.paces.refused(name, self.ports.now_s())
@@ -126,7 +126,7 @@ class RobotDataProcess(DataProcess):
         return sent
 
     def room(self, name: str) -> None:
-        """Send what waits of an input, as the link has room again; its age counts from when it came."""
+        """Send the waiting message of an input, as the link has room again; its age counts from its arrival here."""
         with self.ports.lock:
             waiting = self.waiting.pop(name, None)
         if waiting is None or self.ports.now_s() - waiting[0] > LATEST_S:
@@ -137,7 +137,7 @@ class RobotDataProcess(DataProcess):
             self.thinning[name].count_later(len(waiting[2]))
 
     def order(self, message: object) -> None:
-        """Take the identity from control, and what has passed from the collector, for consumers in the cloud."""
+        """Take the identity from control, or a message from the collector for the cloud."""
         if isinstance(message, Orders):
             if message.preparing != self.orders.preparing:
                 self.status_due_s = self.ports.now_s()
@@ -156,7 +156,7 @@ class RobotDataProcess(DataProcess):
             self.ports.cross(channel, message.header, message.payload)
 
     def _keep_others(self, channel: str, payload: Any) -> None:
-        """Keep a latched message that somebody outside the group said, and send it if it is new."""
+        """Keep a latched message of a node outside the group, and send it if it is new."""
         with self.ports.lock:
             if payload in self.latched[channel]:
                 return
@@ -165,23 +165,24 @@ class RobotDataProcess(DataProcess):
         self.ports.cross(channel, self._header(channel), payload)
 
     def limit(self, limits: Limits) -> None:
-        """Take the rates of the inputs."""
+        """Take the rate limit of each input."""
         self._limit_rates(limits.inputs)
 
     def _limit_rates(self, limits: Iterable[tuple[str, float, float]]) -> None:
         self.least_s.update({name: 1 / rate_hz if rate_hz else 0.0 for name, _, rate_hz in limits})
 
     def make_probe(self) -> Probe:
-        """Return identity, hashes of latched inputs, types found in the graph, and the answer to a request."""
+        """Return a probe with identity, hashes of latched inputs, types found in the graph and a request's answer."""
         found = {name: of.partition(" ") for name, of in self.ports.types().items()}
         types = {name: parts[0] for name, parts in found.items()}
         hashes = {name: parts[2] for name, parts in found.items() if parts[2]}
         return Probe(self.orders.incarnation, self.digests(), types, word=self.orders.word, hashes=hashes)
 
     def knows(self, incarnation: str) -> bool:
-        """Return True for the cloud that the pulse hears, and for any other while that one is silent here.
+        """Return True for the cloud that the pulse process hears, and for any other while that cloud is silent here.
 
-        Control compares it with the one that the pulse hears; of two agents (DDS) the one that is heard goes on.
+        Control compares the incarnation with the one that the pulse process hears. Of two cloud agents (DDS) the one
+        that is heard stays.
         """
         partner = self.heard.incarnation if self.heard else ""
         age_s = self.probe_age_s(self.ports.now_s())
@@ -190,7 +191,7 @@ class RobotDataProcess(DataProcess):
         return bool(incarnation) and (incarnation == partner or not live)
 
     def probed(self, received: Probe) -> None:
-        """Send latched values again that the cloud does not hold, and hand its types to the collector."""
+        """Send latched values again that the cloud does not hold, and pass its types to the collector."""
         now_s = self.ports.now_s()
         self._compare_inputs(received)
         types = tuple(sorted((name, of) for name, of in received.types.items() if name in self.index))
@@ -210,7 +211,7 @@ class RobotDataProcess(DataProcess):
                         self.send_input(name, value)
 
     def _compare_inputs(self, received: Probe) -> None:
-        """Note inputs that the cloud publishes under another type than here: none of their messages arrive."""
+        """Record inputs that the cloud publishes under another type than the robot: none of their messages arrive."""
         ours = self.ports.types()
         for name in self.thinning.keys() - self.index.keys():
             here, there = ours.get(name, ""), received.types.get(name, "")
@@ -219,19 +220,19 @@ class RobotDataProcess(DataProcess):
             self.note(f"type {name}", None if same else (Reason.TYPES_DIFFER.value, message))
 
     def opened(self, header: bytes) -> Envelope:
-        """Read a header of the cloud, which names us by a hash; raise EnvelopeError."""
+        """Decode a header of the cloud, which names us by a hash; raise EnvelopeError if it is not valid."""
         read = envelope.decode(header)
         return replace(read, token=unveil_token(read.token, self.orders.incarnation))
 
     def carried_in(self, kind: str, name: str, opened: Envelope, header: bytes, payload: Any) -> None:
-        """Hand a message of the cloud's replica to the collector, which decides, under our own incarnation."""
+        """Hand a message of the cloud's replica to the collector, with our own incarnation in the header."""
         header = envelope.encode(opened)
         if kind == "out" and name in self.index:
             delivered = self.ports.carry("collector", ENVELOPE, self.index[name], header, payload)
             self.counters[f"{name}.{'arrived' if delivered else 'undelivered'}"] += 1
 
     def next_status_s(self, now_s: float) -> float:
-        """Return when to report again: after the next probe of the cloud, sooner while something is under way."""
+        """Return when to report again: after the cloud's next probe, or sooner while something is under way."""
         received, heard_s = self.probe, self.probe_s
         usual_s = super().next_status_s(now_s)
         if self.hurries or received is None or received.preparing or heard_s is None or self.orders.preparing:
@@ -242,7 +243,7 @@ class RobotDataProcess(DataProcess):
         return due_s if due_s >= usual_s else due_s + probe.PROBE_PERIOD_S
 
     def _lacking(self, site: Site, preparing: int, lacks: dict[str, str]) -> StateReported:
-        """Return what a side lacks of the other one's state, as control takes it."""
+        """Return the report to control of what a side lacks of the other side's state."""
         before_active = tuple(why for name, why in lacks.items() if name in self.before_active)
         return StateReported(site, preparing, tuple(lacks.values()), before_active)
 

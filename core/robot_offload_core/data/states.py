@@ -1,9 +1,9 @@
-"""What the data processes do with nodes' state, snapshots, topics, parameters: from the holder to the standby, always.
+"""Copy nodes' state (snapshots, topics, parameters) from the holder to the standby, all the time.
 
-Each side hears its own node. While it holds, it sends what the node said, at once and again every second, because a
-standby may come late. What arrives is given to the node here only while the other side holds: a snapshot at once, the
-message of a topic each time that the node has become Active and listens, parameters at once and again each time that it
-has become Active, because nodes install their callbacks there. What is missing, control hears (`lack`).
+Each side hears its own node. The holder sends the node's state at once and again every second, because a standby may
+come late. The receiving side gives state to its node only while the other side holds: a snapshot at once, the message
+of a topic each time the node has become Active and listens, parameters at once and again each time the node has become
+Active, because nodes install their callbacks then. Control is informed of missing state (`lack`).
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ CHANNEL = "state/"
 SNAPSHOT_RESEND_S = 1.0
 """How often a snapshot is sent again until the other side has it."""
 READ_S = 2.0
-"""How long a snapshot waits for a reader that does not take it: a node may listen only when it is Active."""
+"""How long a snapshot waits for the node to read it: a node may listen only when it is Active."""
 
 
 class StatePorts(Protocol):
-    """What the shell does for the exchange."""
+    """What the shell does for the exchange of state."""
 
     def restore(self, name: str, payload: bytes) -> bool:
-        """Give a state to this side's node; return whether it has it.
+        """Give a state to this side's node; return whether the node has it.
 
-        A snapshot is kept until the node takes it; a topic's message is given when the node listens.
+        A snapshot is kept until the node takes it; a topic's message is given if the node listens.
         """
 
     def has(self, name: str) -> bool:
-        """Return whether the newest snapshot that was given has reached this side's node, without waiting for that."""
+        """Return, without waiting, whether the newest snapshot that was given has reached this side's node."""
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Set parameters at the nodes here, once for each `payload` and `active` (is the declaring node Active?).
+        """Set parameters at the nodes here, once for each `payload` and `active` (declaring node is Active).
 
         Returns:
-            What was not taken, as a sentence, "" when all was; None while that is not known yet.
+            A sentence about the parameters not taken, "" if all were; None while that is unknown.
         """
 
     def holder(self) -> Holding:
-        """Return who holds, from the collector's memory (robot only)."""
+        """Return the side that holds, from the collector's memory (robot only)."""
 
 
 @dataclass
@@ -62,8 +62,8 @@ class _Kept:
     """The newest message of a topic, or newest parameters, of the acting side's node.
 
     Attributes:
-        payload: message.
-        given: whether it was given in the present activation of the node here.
+        payload: the message.
+        given: whether it was given during the present activation of the node here.
         refused: which parameters the node here did not take; "" for none.
     """
 
@@ -74,12 +74,12 @@ class _Kept:
 
 @dataclass
 class _Reading:
-    """How far the node here is with the snapshots that it is given.
+    """How far the node here is with reading the snapshots given to it.
 
     Attributes:
-        given: newest one that was published for the node.
-        had: newest one that is known to have reached it.
-        waits_s: since when nothing young has reached it, although something was published; None: it has.
+        given: newest snapshot that was published for the node.
+        had: newest snapshot that is known to have reached it.
+        waits_s: since when the node has no fresh snapshot although one was published; None: it has.
     """
 
     given: Standing = field(default_factory=Standing)
@@ -89,9 +89,9 @@ class _Reading:
 
 @dataclass
 class _Said:
-    """The newest snapshot that the node here published, with the stay and the echo reference of that moment.
+    """The newest state that the node here published, with the stay and the echo reference of that moment.
 
-    The reference is a time of the partner that was heard then: for another one it means nothing.
+    The reference is a time stamp of the partner heard then; it means nothing to another partner.
     """
 
     stay: object
@@ -102,15 +102,15 @@ class _Said:
 
 
 class StateProcess(ABC):
-    """Base of both sides; the data process lends clock, link, lock, counters and problems.
+    """Base class of both sides; the data process provides clock, link, lock, counters and problems.
 
     Attributes:
-        sequence: of what was sent last, growing over restarts of this process.
-        said: newest of the node here, by name of the entry.
-        standing: what has come for the node here, by name of the entry.
-        readings: what of it has reached the node.
-        kept: messages of topics, and parameters, that the node here has not outlived by its own.
-        stood_by: at the last look.
+        sequence: of the last message sent; grows over restarts of this process.
+        said: newest state of the node here, by name of the entry.
+        standing: newest state received for the node here, by name of the entry.
+        readings: how far the node has read its snapshots, by name of the entry.
+        kept: received topic messages and parameters that the node here has not replaced by its own.
+        stood_by: whether this side stood by at the last turn.
     """
 
     def __init__(self, states: Mapping[str, StateSpec], ports: StatePorts, data: DataProcess) -> None:
@@ -128,11 +128,11 @@ class StateProcess(ABC):
         self._say_lacks(data.ports.now_s())
 
     def published(self, name: str, payload: bytes, published_s: float | None = None) -> None:
-        """Take what the node here said; what is no whole snapshot goes no further.
+        """Take state that the node here published; an incomplete snapshot is dropped.
 
         Args:
             name: of the entry.
-            payload: what it said.
+            payload: the state.
             published_s: its publisher's stamp, by the system clock of that host; None: it has none.
         """
         waited_s = self._waited_s(name, published_s)
@@ -154,14 +154,14 @@ class StateProcess(ABC):
         self._send(name)
 
     def _waited_s(self, name: str, published_s: float | None) -> float:
-        """Return how long at most a snapshot waited for us: a standby must not take it for younger than it is."""
+        """Return the longest time a snapshot may have waited for us, so that it does not look fresher than it is."""
         if name not in self.readings:
             return 0.0
         waited_s = self.data.waited_s(self.waits[name], published_s)
         return max(waited_s, self.data.pauses.at_most_s(self.data.ports.now_s()))
 
     def turn(self) -> None:
-        """Send again what is due, give what a node can take now, and report what a standby lacks."""
+        """Resend state that is due, give nodes the state that they can take now, and report what a standby lacks."""
         now_s = self.data.ports.now_s()
         for name, said in list(self.said.items()):
             if now_s >= said.due_s:
@@ -181,7 +181,7 @@ class StateProcess(ABC):
         self._say_lacks(now_s)
 
     def _give(self, name: str, kept: _Kept, active: bool) -> None:
-        """Give a topic's message to a node that is Active, parameters to one in any state."""
+        """Give a topic's message to an Active node, or parameters to a node in any state."""
         if not isinstance(self.states[name], ParameterState):
             kept.given = active and (kept.given or self.ports.restore(name, kept.payload))
             return
@@ -191,7 +191,7 @@ class StateProcess(ABC):
         self.data.note(f"set {name}", ("ParameterRefused", said) if kept.refused else None)
 
     def _read(self, name: str, now_s: float) -> None:
-        """Note what has reached the node here, and since when nothing young has."""
+        """Record which snapshot has reached the node here, or since when it has had no fresh one."""
         reading, state = self.readings[name], self.states[name]
         assert isinstance(state, SnapshotState)
         given = reading.given
@@ -201,7 +201,7 @@ class StateProcess(ABC):
         reading.waits_s = None if not waits else now_s if reading.waits_s is None else reading.waits_s
 
     def _note_ages(self, now_s: float) -> None:
-        """Count how old the state was that this side went on with at a change."""
+        """Record the age of the state with which this side continued at a change."""
         for name, standing in self.standing.items():
             aged_s = standing.aged_s(now_s)
             if aged_s != float("inf"):
@@ -209,11 +209,11 @@ class StateProcess(ABC):
                 self.data.counters[f"state {name}.changes"] += 1
 
     def _say_lacks(self, now_s: float) -> None:
-        """Report what this side lacks unless it holds: before anybody was heard it lacks each snapshot."""
+        """Report what this side lacks, unless it holds. Until the other side is heard it lacks every snapshot."""
         self.data.lack(self._lacks(now_s) if self.stay() is None else {})
 
     def _lacks(self, now_s: float) -> dict[str, str]:
-        """Return why this side does not know a state of the one that acts, by name."""
+        """Return why this side does not know a state of the active side, by name of the state."""
         lacks = {}
         for name, state in self.states.items():
             kept = self.kept.get(name)
@@ -229,12 +229,12 @@ class StateProcess(ABC):
         return lacks
 
     def _waits(self, name: str, now_s: float) -> bool:
-        """Return whether what was published is still to reach the node here."""
+        """Return whether a published snapshot may still reach the node here."""
         since_s = self.readings[name].waits_s
         return since_s is not None and now_s - since_s < READ_S
 
     def arrived(self, name: str, header: bytes, payload: bytes) -> None:
-        """Take a snapshot of the other side's node."""
+        """Take a state of the other side's node."""
         try:
             opened = self.data.opened(header)
         except EnvelopeError:
@@ -309,15 +309,15 @@ class StateProcess(ABC):
 
     @abstractmethod
     def stay(self) -> object:
-        """Return something that differs in each stay of this side as the holder; None: it does not hold."""
+        """Return a value that differs in each stay of this side as the holder; None: it does not hold."""
 
     @abstractmethod
     def accepts(self, token: Token) -> bool:
-        """Return whether a snapshot under that token is the holder's, and this side stands by."""
+        """Return whether state under that token is the holder's, and this side stands by."""
 
     @abstractmethod
     def known(self, token: Token) -> bool:
-        """Return whether the echo reference of a message under that token counts on our clock."""
+        """Return whether the echo reference of a message under that token is a time of our clock."""
 
     @abstractmethod
     def active(self) -> tuple[str, ...]:
@@ -329,12 +329,12 @@ class StateProcess(ABC):
 
 
 class RobotStates(StateProcess):
-    """The robot's side: the collector's memory says who holds."""
+    """The robot's side: the collector's memory determines which side holds."""
 
     data: RobotDataProcess
 
     def holding(self) -> Token | None:
-        """See StateProcess; what goes to the standby carries the newest epoch that the robot named."""
+        """Return the robot's token with the newest epoch that it named; None: the robot does not hold."""
         orders, heard = self.data.orders, self.data.heard
         if self.ports.holder().site is not Site.ROBOT or not orders.incarnation:
             return None
@@ -364,7 +364,7 @@ class RobotStates(StateProcess):
 
 
 class CloudStates(StateProcess):
-    """The cloud's side: the lease says who holds."""
+    """The cloud's side: the lease determines which side holds."""
 
     data: CloudDataProcess
 

@@ -1,8 +1,8 @@
-"""The header that travels with every message the agents carry: who sent it, in which order, and how old it is.
+"""The header of every message that the agents carry: its sender, its order and its age.
 
 Fixed binary layout (big endian), 60 bytes: magic and version 3, flags 1, robot incarnation 16, epoch 8, cloud
-incarnation 16, sequence 8, echo reference 8. The one flag, 1, says that the message is latched. On Zenoh the header is
-the attachment, on DDS transports it precedes the payload.
+incarnation 16, sequence 8, echo reference 8. The only flag, 1, marks a latched message. On Zenoh the header is the
+attachment, on DDS transports it precedes the payload.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ ABSENT = bytes(16)
 
 
 class EnvelopeError(ValueError):
-    """Bytes that are no envelope header of ours."""
+    """The bytes are not a valid envelope header."""
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """The header.
+    """The header of one message.
 
     Attributes:
-        token: of the sender when it sent. Inputs to the cloud carry the robot's view; epoch 0 is allowed there.
+        token: the sender's token when it sent. Inputs to the cloud carry the robot's view; epoch 0 is allowed there.
         sequence: grows by one with every message of one output (or input) under one token.
         echo_us: send time of the newest beat of the *receiver* that the sender had heard, on the receiver's clock;
-            0 for none. Receiver's now minus this is an upper bound of the age: no clocks of two hosts are compared.
-        latched: the last value of a topic that speaks seldom: it holds whatever its age.
+            0 for none. The receiver's present time minus this is an upper bound of the age, so that no clocks of two
+            hosts are compared.
+        latched: the last value of a topic that is seldom published: it is valid at any age.
     """
 
     token: Token
@@ -40,12 +41,12 @@ class Envelope:
     latched: bool = False
 
     def age_s(self, now_s: float) -> float:
-        """Upper bound of the message's age at `now_s` of the receiver; infinite when nothing had been heard."""
+        """Return an upper bound of the age at the receiver's `now_s`; infinite if the sender had heard no beat."""
         return now_s - self.echo_us / 1e6 if self.echo_us else float("inf")
 
 
 def encode(envelope: Envelope) -> bytes:
-    """Return the header's bytes."""
+    """Encode a header."""
     token = envelope.token
     robot = bytes.fromhex(token.robot) if token.robot else ABSENT
     cloud = bytes.fromhex(token.cloud) if token.cloud else ABSENT
@@ -54,7 +55,7 @@ def encode(envelope: Envelope) -> bytes:
 
 
 def decode(data: bytes) -> Envelope:
-    """Read a header; raise EnvelopeError."""
+    """Decode a header; raise EnvelopeError if the bytes are not a valid one."""
     if len(data) != LAYOUT.size:
         raise EnvelopeError(f"{len(data)} bytes instead of {LAYOUT.size}")
     magic, flags, robot, epoch, cloud, sequence, echo_us = LAYOUT.unpack(data)

@@ -1,8 +1,8 @@
 """Which message reaches the consumers: never two sides in one stay, never an older stay again, nothing too old.
 
-A token is accepted by equality only. Control names the side in charge and, while another one gets ready, the next. The
-gate changes over to that one when its caller asks, and never goes back. When control is silent for too long the robot
-passes and the cloud does not, until control names a newer epoch.
+A token is accepted by equality only. Control names the side in charge and, while another side gets ready, the next one.
+The gate changes over to the next side when its caller asks, and never goes back. When control is silent for too long,
+the robot passes and the cloud does not, until control names a newer epoch.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ class Charge:
 
 @dataclass(frozen=True)
 class Word:
-    """What control says to the gate.
+    """An order of control to the gate.
 
     Attributes:
         started_us: when this control process started; a later start outranks an earlier one.
         current: the side in charge.
         next: the side that may take over; None for none.
-        said_s: when control said so. A word may have waited in an inbox.
+        said_s: when control sent it. A word may have waited in an inbox.
         presence: token of the outputs of nodes with placement Cloud; None: none of them passes.
     """
 
@@ -45,12 +45,12 @@ class Word:
 
 @dataclass(frozen=True)
 class Known:
-    """What is known outside about the side that a message is of; where one is false that side passes nothing.
+    """What the caller knows about the side that sent a message; if one attribute is false, that side passes nothing.
 
     Attributes:
-        alone: the public topic has no other publisher that a message of this side would meet.
-        single: one producer speaks on the private topic of this side.
-        types_equal: the message is of the type that the consumers get.
+        alone: the public topic has no other publisher that would interfere with a message of this side.
+        single: the private topic of this side has only one producer.
+        types_equal: the message has the type that the consumers expect.
     """
 
     alone: bool = True
@@ -59,7 +59,7 @@ class Known:
 
 
 class Ruling(str, Enum):
-    """What becomes of a message; the words are explained in `docs/reference/reasons.md`."""
+    """How a message is judged; `docs/reference/reasons.md` explains the words."""
 
     ROBOT_IN_CHARGE = "RobotInCharge"
     CURRENT = "Current"
@@ -77,7 +77,7 @@ class Ruling(str, Enum):
 
     @property
     def passes(self) -> bool:
-        """The message reaches the consumers."""
+        """Return whether the message reaches the consumers."""
         return self in _PASSES
 
 
@@ -103,10 +103,10 @@ class Gate:
         passed: sequence of the cloud's newest message that passed in this stay, per output; -1 for none.
         held: see Held, per output.
         results: token and sequence of the newest message of a node with placement Cloud, per output.
-        charge: who passes; None before control has spoken for the first time (the robot passes then).
+        charge: the charge that passes; None before control's first word (the robot passes then).
         next, started_us, said_s, presence: of control's newest word.
-        fell_back: control fell silent; only the robot passes until a newer epoch is named.
-        resumed_s: when this process went on from the record of a predecessor; None without one.
+        fell_back: control fell silent; only the robot passes until control names a newer epoch.
+        resumed_s: when this process continued from the record of a predecessor; None without one.
     """
 
     max_age_s: float
@@ -124,21 +124,21 @@ class Gate:
 
 
 def start(outputs: int, max_age_s: float, silence_s: float) -> Gate:
-    """Return a gate for so many outputs that passes the robot until control speaks."""
+    """Return a gate for this number of outputs; it passes the robot until control's first word."""
     return Gate(max_age_s, silence_s, (-1,) * outputs, (None,) * outputs, (None,) * outputs)
 
 
 def resume(gate: Gate, charge: Charge, started_us: int, fell_back: bool, now_s: float) -> Gate:
-    """Go on from what a predecessor had reached.
+    """Continue from the state that a predecessor had reached.
 
-    Nothing of the cloud passes before control has spoken, nor anything sent before `now_s`: the predecessor may have
+    Nothing of the cloud passes before control's first word, nor anything sent before `now_s`: the predecessor may have
     passed it. Silence counts from now.
     """
     return replace(gate, charge=charge, started_us=started_us, fell_back=fell_back, resumed_s=now_s)
 
 
 def limit(gate: Gate, max_age_s: float, silence_s: float) -> Gate:
-    """Return the gate with changed limits; safe at any moment, they only say what is refused."""
+    """Return the gate with changed limits; safe at any moment, they only determine what is refused."""
     return replace(gate, max_age_s=max_age_s, silence_s=silence_s)
 
 
@@ -169,7 +169,7 @@ def tick(gate: Gate, now_s: float) -> Gate:
 
 
 def take_over(gate: Gate, now_s: float) -> Gate:
-    """Change over to the side that got ready; `release` then says which of its held messages pass."""
+    """Change over to the side that got ready; `release` then returns which of its held messages pass."""
     gate = tick(gate, now_s)
     if gate.next is None:
         return gate
@@ -202,7 +202,7 @@ def _nothing(gate: Gate) -> tuple[None, ...]:
 
 
 def robot(gate: Gate, output: int, now_s: float, known: Known = EVERYTHING) -> tuple[Gate, Ruling]:
-    """Judge a message of the robot's replica; with NOT_ALL_READY it is held until `take_over`."""
+    """Judge a message of the robot's replica; if NOT_ALL_READY, it is held until `take_over`."""
     gate = tick(gate, now_s)
     fault = _fault(known)
     if fault is not None:
@@ -217,7 +217,7 @@ def robot(gate: Gate, output: int, now_s: float, known: Known = EVERYTHING) -> t
 def cloud(
     gate: Gate, output: int, header: Envelope, now_s: float, known: Known = EVERYTHING, *, lasts: bool = False
 ) -> tuple[Gate, Ruling]:
-    """Judge a message of the cloud's replica; one that `lasts`, the last value of a latched topic, has no age."""
+    """Judge a message of the cloud's replica; with `lasts` (last value of a latched topic) its age does not count."""
     gate = tick(gate, now_s)
     fault = _fault(known)
     if fault is not None:
@@ -244,7 +244,7 @@ def cloud(
 
 
 def release(gate: Gate, output: int, now_s: float, known: Known = EVERYTHING) -> tuple[Gate, bool]:
-    """Return whether the held message of an output passes, after `take_over`; it does once, while it is fresh."""
+    """Return whether the held message of an output passes after `take_over`: once, and only while fresh."""
     gate = tick(gate, now_s)
     held = gate.held[output]
     if held is None or gate.next is not None:
@@ -256,7 +256,7 @@ def release(gate: Gate, output: int, now_s: float, known: Known = EVERYTHING) ->
 def result(
     gate: Gate, output: int, header: Envelope, now_s: float, max_age_s: float, known: Known = EVERYTHING
 ) -> tuple[Gate, Ruling]:
-    """Judge a message of a node with placement Cloud, which passes whoever is in charge, by the token of presence."""
+    """Judge a message of a node with placement Cloud by the presence token; it passes whichever side is in charge."""
     fault = _fault(known)
     if fault is not None:
         return gate, fault
@@ -276,7 +276,7 @@ def result(
 
 
 def effect(gate: Gate, token: Token, now_s: float) -> Ruling:
-    """Judge an effect of the cloud that no gate collects: it is admitted from the side in charge only."""
+    """Judge an effect of the cloud that no gate collects: only the side in charge is admitted."""
     gate = tick(gate, now_s)
     if gate.fell_back or gate.charge is None or gate.said_s is None:
         return Ruling.CONTROL_SILENT
@@ -301,7 +301,7 @@ def _fault(known: Known) -> Ruling | None:
     return None if known.types_equal else Ruling.TYPES_DIFFER
 
 
-# -- what others may know ---------------------------------------------------------------------------------------------
+# -- for other modules ------------------------------------------------------------------------------------------------
 
 
 def site(gate: Gate) -> Site:

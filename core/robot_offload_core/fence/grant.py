@@ -1,6 +1,6 @@
-"""What the robot may grant: one side in charge, at most one that gets ready, each under an epoch of its own.
+"""What the robot may grant: one side in charge, at most one that gets ready, each under its own epoch.
 
-An epoch is used once. Whatever ends a preparation or a stay uses a new one, so that the gate never has to go back.
+An epoch is used once. The end of a preparation or of a stay takes a new one, so that the gate never has to go back.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ class Grant:
         robot: incarnation of this control process.
         site: the side in charge.
         epoch: of the side in charge.
-        last_epoch: highest one used, also by preparations.
+        last_epoch: highest epoch used, including preparations.
         candidate: epoch of the side that gets ready; 0 for none.
         offered: the gate may have been given the candidate, and may change over at any moment.
         cloud: incarnation of the cloud that is in charge or gets ready.
-        clear_s: from when every lease granted before has ended for sure.
+        clear_s: from this time on every lease granted before has certainly ended.
     """
 
     robot: str
@@ -43,7 +43,7 @@ class Permission:
     Attributes:
         token: under which the cloud may act.
         granted: the cloud may act, or get ready, under that token.
-        in_charge: the cloud is in charge, and does not only get ready.
+        in_charge: the cloud is in charge; False while it only gets ready.
     """
 
     token: Token
@@ -57,8 +57,8 @@ def start(robot: str, now_s: float, stopped_s: float) -> Grant:
     Args:
         robot: its incarnation.
         now_s: when it started.
-        stopped_s: after how long a cloud that is permitted nothing has stopped for sure: as long as the pulse may
-            repeat a permission, a lease, and the drift of two clocks over that time.
+        stopped_s: time after which a cloud without permission has certainly stopped: how long the pulse may repeat a
+            permission, plus a lease, plus the drift of two clocks over that time.
     """
     return Grant(robot, now_s + stopped_s)
 
@@ -88,8 +88,8 @@ def take_over(grant: Grant, now_s: float, stopped_s: float) -> Grant:
 def call_off(grant: Grant, now_s: float, stopped_s: float) -> Grant:
     """End a preparation.
 
-    The gate may be about to change over to the cloud: only a newer epoch ends that. The cloud that goes on because the
-    robot did not get ready keeps its epoch.
+    The gate may be about to change over to the cloud; only a newer epoch prevents that. If the robot was getting ready,
+    the cloud stays in charge and keeps its epoch.
     """
     if grant.site is Site.ROBOT:
         return take_over(grant, now_s, stopped_s) if grant.candidate else grant
@@ -97,7 +97,7 @@ def call_off(grant: Grant, now_s: float, stopped_s: float) -> Grant:
 
 
 def entered(grant: Grant, charge: Charge, now_s: float, stopped_s: float) -> Grant:
-    """Follow the gate, which has changed over to what was once the candidate; also after it was called off."""
+    """Follow the gate, which has changed over to a candidate, even to one that was called off meanwhile."""
     if charge.token.robot != grant.robot or not grant.epoch < charge.token.epoch <= grant.last_epoch:
         return grant
     grant = replace(grant, site=charge.site, epoch=charge.token.epoch, candidate=0, offered=False)
@@ -120,7 +120,7 @@ def following(grant: Grant) -> Charge | None:
 
 
 def permission(grant: Grant, heard: str) -> Permission:
-    """Return what the cloud is allowed; `heard` is the incarnation that is addressed while it is allowed nothing."""
+    """Return what the cloud is allowed; without a grant `heard` is the incarnation addressed."""
     prepares = grant.site is Site.ROBOT and grant.candidate > 0
     in_charge = grant.site is Site.CLOUD
     granted = prepares or in_charge
@@ -129,7 +129,7 @@ def permission(grant: Grant, heard: str) -> Permission:
 
 
 def effects(grant: Grant, now_s: float) -> Site | None:
-    """Return the side whose effects that no gate collects are admitted; None while the other one might still act."""
+    """Return the side whose uncollected effects are admitted; None while the other side might still act."""
     if grant.site is Site.CLOUD:
         return Site.CLOUD
     return None if grant.offered or now_s < grant.clear_s else Site.ROBOT

@@ -1,7 +1,7 @@
-"""What the cloud may let leave: only under a lease, which ends by its own clock.
+"""What may leave the cloud: messages under a lease, which ends by the cloud's own clock.
 
-A grant echoes a beat of the cloud; the lease ends at the send time of that beat plus its length, so a grant that waited
-in a buffer is worth nothing.
+A grant echoes a beat of the cloud. The lease ends at the send time of that beat plus the length of the lease, so a
+grant that waited in a buffer is worth nothing.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ class Lease:
 
     Attributes:
         cloud: incarnation of this control process.
-        robot: incarnation served; "" for none.
-        epoch: newest one that it has named.
+        robot: incarnation of the robot served; "" for none.
+        epoch: newest epoch that this robot has named.
         granted: that epoch came with a grant.
-        in_charge: with a grant to be in charge, not only to get ready.
+        in_charge: the grant is to be in charge, not only to get ready.
         end_s: end of the lease of that epoch.
-        presence_end_s: until when nodes with placement Cloud may speak, whoever is in charge.
-        void_before_s: a grant that echoes a beat sent earlier is worth nothing.
+        presence_end_s: until when nodes with placement Cloud may publish, whichever side is in charge.
+        void_before_s: a grant that echoes a beat sent before this time is void.
     """
 
     cloud: str
@@ -41,9 +41,9 @@ class Granted:
     """What a beat of the robot grants.
 
     Attributes:
-        token: of the beat: the robot that speaks, its epoch, the cloud that it addresses.
+        token: of the beat: the robot that sent it, its epoch, the cloud that it addresses.
         granted, in_charge, presence: see `grant.Permission`; presence is for nodes with placement Cloud.
-        echo_s: send time of the beat of ours that it echoes; None where it echoes none of ours.
+        echo_s: send time of our beat that it echoes; None if it echoes none of ours.
         length_s: of the lease.
     """
 
@@ -57,14 +57,14 @@ class Granted:
 
 @dataclass(frozen=True)
 class Leave:
-    """What may leave, and until when; the egress holds it and looks at the clock for each message.
+    """What may leave, and until when; the egress holds it and checks the clock for each message.
 
     Attributes:
-        token: of the outputs of duplicated nodes; None: nothing.
-        lease_end_s: until when.
-        in_charge: False while the cloud only gets ready: then consumers there do not hear it yet.
-        presence: token of the outputs of nodes with placement Cloud; None: nothing.
-        presence_end_s: until when.
+        token: for outputs of duplicated nodes; None: none leaves.
+        lease_end_s: end of `token`.
+        in_charge: False while the cloud only gets ready: consumers there do not hear it yet.
+        presence: token for outputs of nodes with placement Cloud; None: none leaves.
+        presence_end_s: end of `presence`.
     """
 
     token: Token | None
@@ -85,7 +85,7 @@ def holds(lease: Lease, now_s: float) -> bool:
 
 
 def serve(lease: Lease, robot: str, now_s: float) -> Lease:
-    """Turn to another incarnation of the robot ("": to none), never while a lease is held."""
+    """Serve another incarnation of the robot ("" for none), but never while a lease is held."""
     if robot == lease.robot or holds(lease, now_s):
         return lease
     return Lease(lease.cloud, robot, void_before_s=lease.void_before_s)
@@ -124,6 +124,6 @@ def leave(lease: Lease, now_s: float) -> Leave:
 
 
 def leaves(held: Leave, now_s: float, *, of_cloud: bool = False) -> Token | None:
-    """Return the token under which a message leaves at this moment; None: it does not."""
+    """Return the token under which a message may leave now; None if it may not."""
     token, end_s = (held.presence, held.presence_end_s) if of_cloud else (held.token, held.lease_end_s)
     return token if now_s < end_s else None

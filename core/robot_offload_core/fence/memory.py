@@ -1,6 +1,6 @@
-"""The record of what the gate has reached: one line of words with a checksum in front.
+"""The record of the gate's state: one line of words with a checksum in front.
 
-Another process may read it while the collector writes, so a reader takes what is whole only.
+Another process may read it while the collector writes, so a reader accepts only a whole record.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ WORDS = 7
 
 @dataclass(frozen=True)
 class Record:
-    """What a gate had reached.
+    """The state that a gate had reached.
 
     Attributes:
-        charge: who passed.
-        started_us: start of the control process that said so.
+        charge: the charge that passed.
+        started_us: start of the control process that ordered it.
         fell_back: control had fallen silent.
         stay: number of the stay.
     """
@@ -32,7 +32,7 @@ class Record:
 
 
 def write(gate: Gate, stay: int) -> bytes | None:
-    """Return the record of a gate in its stay with this number; None before control has spoken."""
+    """Return the record of a gate in the stay with this number; None before control's first word."""
     charge = gate.charge
     if charge is None:
         return None
@@ -43,7 +43,7 @@ def write(gate: Gate, stay: int) -> bytes | None:
 
 
 def read(record: bytes) -> Record | None:
-    """Return what a record says; None for one that is not whole."""
+    """Parse a record; return None if it is not whole."""
     checksum, _, text = record.rstrip(b"\0").partition(b" ")
     words = text.decode("ascii", "replace").split(" ")
     if len(words) != WORDS or b"%08x" % zlib.crc32(text) != checksum:

@@ -1,4 +1,4 @@
-"""Who may act: sites, incarnations and the token (protocol section 1)."""
+"""Which side may act: sites, incarnations and the token (protocol section 1)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ INCARNATION_LENGTH = 32
 
 
 class Site(str, Enum):
-    """The two sides, everywhere by these words."""
+    """The two sides; these words are used everywhere."""
 
     ROBOT = "robot"
     CLOUD = "cloud"
@@ -23,11 +23,11 @@ class Site(str, Enum):
 
 @dataclass(frozen=True, order=False)
 class Token:
-    """Names one stay in charge. Two tokens are the same or foreign; "newer" is never accepted in place of equal.
+    """Names one stay in charge. A token equals ours or is foreign; "newer" is never accepted in place of equal.
 
     Attributes:
         robot: incarnation of the robot's control process (32 hexadecimal digits).
-        epoch: grows by one with every changeover tried by that incarnation; 0 in the token of `presence`.
+        epoch: grows by one with every changeover that this incarnation tries; 0 in the token of `presence`.
         cloud: incarnation of the cloud's control process.
     """
 
@@ -37,10 +37,10 @@ class Token:
 
 
 def presence(robot: str, cloud: str) -> Token:
-    """Return the token under which nodes with placement Cloud speak, whoever is in charge; no stay has epoch 0."""
+    """Return the token of nodes with placement Cloud, valid whichever side is in charge; no stay has epoch 0."""
     return Token(robot, 0, cloud)
 
 
 def is_incarnation(text: str) -> bool:
-    """Whether `text` has the form of an incarnation."""
+    """Return whether `text` has the form of an incarnation."""
     return len(text) == INCARNATION_LENGTH and all(c in "0123456789abcdef" for c in text)

@@ -1,18 +1,17 @@
-"""What this link has taught so far: many simple rules live on it side by side, and the one that did best leads.
+"""What this link has taught so far: many simple rules run side by side, and the best one leads.
 
-Each rule is one of "rent or buy". Its signal says whether the link looks bad at this moment. Regret grows by the price
-of a second exposed while it is in the cloud under a bad signal, by the price of a second wasted while it is on the
-robot under a good one, and melts at the same rate otherwise. It moves when regret reaches `out` or `back` prices of a
-switch. Some run from the first sign of trouble, others bear it for a second; some return at once, others wait long.
-Some have a memory: on the robot their signal stays bad while too many of the last beats were truly bad, however good
-the newest one is.
+Each rule is one of "rent or buy". Its signal shows whether the link looks bad at this moment. A rule in the cloud under
+a bad signal gains regret at the price of exposed seconds; a rule on the robot under a good signal gains it at the price
+of wasted seconds. Otherwise regret falls at the same rate. A rule moves when its regret reaches `out` or `back` prices
+of a switch. Some rules leave at the first sign of trouble, others bear it for a second; some return at once, others
+wait long. Some have a memory: on the robot their signal stays bad while too many of the last beats were truly bad,
+however good the newest one is.
 
-No rule is best on every link, so all of them are charged with what they would have cost here. The charge is the true
-one: whether the link was good enough at a moment is known one limit later, because a message sent then has come back
-by then or it has not. What was long ago weighs less. A rule starts with a handicap that other links have taught
-(prior.py), and must be better than the leader by a margin to take its place.
+No rule is best on every link, so each is charged with its true cost on this one. Whether the link was good enough at a
+moment is known one limit later: a message sent at that moment has come back by then, or not. Old charges weigh less. A
+rule starts with a handicap learned on other links (prior.py), and must beat the leader by a margin to replace it.
 
-Besides, the lengths of the last bad and good spells are kept: they tell people what is waited for.
+The lengths of the last bad and good spells are kept too, to show people what a rule waits for.
 
 The state is immutable like that of the other machines. Time goes in ticks of one beat period; while the link is good
 and every rule is in the cloud, a tick costs next to nothing.
@@ -31,28 +30,27 @@ EXPOSED_PER_S = 10.0
 WASTED_PER_S = 1.0
 """Cost of a second on the robot beside a good link."""
 SWITCH = 0.5
-"""Prices: a second in the cloud over a bad link, a second on the robot beside a good one, a change of side."""
+"""Cost of a change of side."""
 SILENT_BEATS = 2.25
-"""A signal says bad when nothing has come for so many beat periods: one lost beat is normal."""
+"""A signal is bad after this many beat periods of silence: one lost beat is normal."""
 UNKNOWN_BEATS = 2.25
-"""A beat whose echo never came was lost, unless the next or the one after it was echoed in time."""
+"""A beat without an echo was lost, unless one of the next two beats was echoed in time."""
 REVIEW_TICKS = 10
-"""The leader is reconsidered, and charges melt, once in so many ticks."""
+"""Ticks between two reviews, in which charges melt and the leader is chosen again."""
 STALL_TICKS = 5
-"""When we stood still for so long ourselves, nothing is learnt from that time."""
+"""After a stall of this process longer than this, nothing is learned from that time."""
 KEPT_SPELLS = 31
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Figures:
-    """How the leader is found (`robot-offload simulate --tune` searches them).
+    """Figures for choosing the leader (`robot-offload simulate --tune` searches for good ones).
 
     Attributes:
-        handicap: price of being e times as dear as the best rule on other links.
-        margin: a rule must be cheaper than the leader by this to take its place: a change of mind may cost a change of
-            side.
-        half_life_s: after this long a charge weighs half.
+        handicap: price of being e times as expensive as the best rule on other links.
+        margin: a rule must be cheaper than the leader by this to replace it: that may cost a change of side.
+        half_life_s: time after which a charge weighs half.
     """
 
     handicap: float = 3.0
@@ -65,10 +63,10 @@ class Expert:
     """A rule.
 
     Attributes:
-        share: of the limit, over which a latency is bad for it.
-        out, back: regret that moves it, in price.
+        share: share of the limit above which a latency is bad for the rule.
+        out, back: regret at which the rule leaves the cloud and returns, as a price.
         memory: which of `MEMORIES` keeps it on the robot, counted from 1; 0 for none.
-        learnt: how dear it was on other links, as the logarithm of a multiple of the best.
+        learnt: its cost on other links, as the logarithm of a multiple of the best rule's.
     """
 
     share: float
@@ -89,18 +87,18 @@ FIRST = min(range(len(EXPERTS)), key=lambda index: EXPERTS[index].learnt)
 LONGEST_MEMORY_S = max(window_s for window_s, _ in MEMORIES)
 """Longest window of the rules that remember."""
 LONGEST_WAIT_S = max(expert.back for expert in EXPERTS) / WASTED_PER_S + LONGEST_MEMORY_S
-"""On a link that stays good every rule is in the cloud after this, and after the limit in which truth becomes known."""
+"""On a link that stays good, every rule is in the cloud after this time plus the limit after which truth is known."""
 ZEROS = (0.0,) * len(EXPERTS)
 
 
 @dataclass(frozen=True)
 class Spells:
-    """Lengths of the last stretches in which the link was good enough, and was not, as known afterwards.
+    """Lengths of the last spells in which the link was good enough or not, as known afterwards.
 
     Attributes:
-        good: the present one is a good one; None before the first.
+        good: the present spell is a good one; None before the first.
         since_s: when it began, on the robot's steady clock.
-        good_s, bad_s: lengths of the last finished ones.
+        good_s, bad_s: lengths of the last finished spells.
     """
 
     good: bool | None = None
@@ -118,9 +116,9 @@ class LinkState:
     """What the link looks like at one moment.
 
     Attributes:
-        latency_s: the loop latency that counts now; inf when unknown.
-        silent_s: since the last beat was heard; inf when none was.
-        bad: the link is not good enough, for whatever reason.
+        latency_s: present loop latency; inf if unknown.
+        silent_s: time since the last beat was heard; inf if none was.
+        bad: the link is not good enough, for any reason.
     """
 
     latency_s: float
@@ -133,15 +131,14 @@ class Outlook:
     """State of all rules. Times on the robot's steady clock, seconds; sets of rules as the bits of an integer.
 
     Attributes:
-        ticked_s: the last tick; None before the first beat was heard.
+        ticked_s: time of the last tick; None before the first beat was heard.
         clouds: rules that are in the cloud.
         regrets: of each rule.
         charges: what each rule has cost, melting.
         pending: (tick, rules in the cloud then) of the ticks whose truth is not known yet, oldest first.
-        recent: the ticks whose truth is known, as far back as the longest memory: a bit each, 1 for a bad one, the
-            newest last.
+        recent: ticks whose truth is known, as far back as the longest memory: one bit each, 1 for bad, newest last.
         leader: index of the rule that is followed.
-        ticks: since the last review.
+        ticks: number since the last review.
         spells: see Spells.
         figures: see Figures.
     """
@@ -169,7 +166,7 @@ def looks_bad(outlook: Outlook, seen: LinkState, settings: Settings) -> bool:
 
 
 def wait_s(outlook: Outlook) -> float:
-    """Return how long the leader needs until it moves, if the link stays as it must for that."""
+    """Return how long the leader waits until it moves, if its signal stays as it must for that."""
     expert, regret = EXPERTS[outlook.leader], outlook.regrets[outlook.leader]
     if in_cloud(outlook):
         return max(0.0, expert.out - regret) / EXPOSED_PER_S
@@ -177,12 +174,12 @@ def wait_s(outlook: Outlook) -> float:
 
 
 def usual_s(lengths_s: tuple[float, ...]) -> float | None:
-    """Return the median length of the spells; None when there were fewer than three."""
+    """Return the median length of the spells; None for fewer than three."""
     return sorted(lengths_s)[len(lengths_s) // 2] if len(lengths_s) >= 3 else None
 
 
 def heard(outlook: Outlook, sent_s: float, latency_s: float, settings: Settings) -> Outlook:
-    """Return an echo came back: tells the truth about the moments until its beat was sent."""
+    """Take an echo, which shows how good the link truly was until its beat was sent."""
     pending = outlook.pending
     if not pending or pending[0][0] > sent_s + ROUNDING:
         return outlook
@@ -198,7 +195,7 @@ def heard(outlook: Outlook, sent_s: float, latency_s: float, settings: Settings)
 
 
 def advance(outlook: Outlook, seen: LinkState, settings: Settings, now_s: float) -> Outlook:
-    """Let the rules live until now; the link looks as `seen` since the last call."""
+    """Run the rules until now; since the last call the link has looked like `seen`."""
     period_s = settings.beat_period_s
     if outlook.ticked_s is None:
         return outlook if seen.silent_s > settings.loss_timeout_s else replace(outlook, ticked_s=now_s)
@@ -210,7 +207,7 @@ def advance(outlook: Outlook, seen: LinkState, settings: Settings, now_s: float)
 
 
 def _overdue(outlook: Outlook, now_s: float, settings: Settings) -> Outlook:
-    """Return moments whose beats cannot come back in time any more were bad ones."""
+    """Charge ticks as bad whose beats can no longer come back in time."""
     wait_s = settings.allowed_loop_s + UNKNOWN_BEATS * settings.beat_period_s
     while outlook.pending and now_s - outlook.pending[0][0] > wait_s:
         (at_s, clouds), *rest = outlook.pending
@@ -262,7 +259,7 @@ def _signals(seen: LinkState, settings: Settings) -> list[bool]:
 
 
 def _remembered(outlook: Outlook, period_s: float) -> list[bool]:
-    """Return whether each memory holds a rule on the robot; the first one is of those that have none."""
+    """Return for each memory whether it keeps its rules on the robot; the first entry is for rules without memory."""
     held = [False]
     for window_s, share in MEMORIES:
         beats = round(window_s / period_s)
@@ -271,7 +268,7 @@ def _remembered(outlook: Outlook, period_s: float) -> list[bool]:
 
 
 def _live(outlook: Outlook, bad: list[bool], remembered: list[bool], lost: bool, period_s: float) -> Outlook:
-    """Let every rule live for one tick. The hard limit holds for all of them."""
+    """Run every rule for one tick. The hard limit applies to all of them."""
     out_step, back_step = EXPOSED_PER_S * period_s, WASTED_PER_S * period_s
     regrets, clouds, moved = list(outlook.regrets), outlook.clouds, NOBODY
     if lost:
@@ -301,7 +298,7 @@ def _live(outlook: Outlook, bad: list[bool], remembered: list[bool], lost: bool,
 
 
 def _review(outlook: Outlook, period_s: float) -> Outlook:
-    """Let charges melt and find out who leads."""
+    """Let charges melt and choose the leader."""
     figures = outlook.figures
     melted = 0.5 ** (outlook.ticks * period_s / figures.half_life_s)
     charges = tuple([each * melted for each in outlook.charges])

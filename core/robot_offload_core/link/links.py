@@ -1,8 +1,8 @@
-"""Beats in, link health out: age, loss, round trip, one-way estimates with their uncertainty, clock offset.
+"""Compute link health from beats: age, loss, round trip, one-way estimates with their uncertainty, clock offset.
 
-Only differences of one host's clock are used for decisions: round trip = now - sent(echoed beat) - hold time. One-way
-times and the clock offset are estimates in the manner of NTP (RFC 5905, section 8): the sample with the least round
-trip in a window bounds the offset of the two clocks to within half that round trip.
+Decisions use only differences of one host's clock: round trip = now - sent(echoed beat) - hold time. One-way times and
+the clock offset are estimated as in NTP (RFC 5905, section 8): the sample with the least round trip in a window bounds
+the offset of the two clocks to within half that round trip.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robot_offload_core.words.replace import replace
 WINDOW_SAMPLES = 250
 """Round trips kept for quantiles: 5 s of beats at the default period."""
 OFFSET_LIFE_S = 30.0
-"""After this long a better old offset sample gives way: quartzes drift by up to 1.5 ms in it (50 ppm)."""
+"""Even a better offset sample is replaced after this time, in which quartzes drift by up to 1.5 ms (50 ppm)."""
 
 
 ROUNDING_S = 5e-6
@@ -24,7 +24,7 @@ ROUNDING_S = 5e-6
 
 @dataclass(frozen=True)
 class Offset:
-    """The best offset sample at hand, with half its round trip as uncertainty. Seconds; peer minus us."""
+    """The best offset sample at hand, with half its round trip as uncertainty. Seconds; peer minus own clock."""
 
     steady_s: float
     wall_s: float
@@ -38,14 +38,14 @@ class Link:
 
     Attributes:
         peer: incarnation of the sender; "" for none.
-        heard_s: arrival of its newest beat.
-        echo_sent_s: when we sent the newest beat that it has echoed: the loop is alive up to here.
+        heard_s: arrival of the peer's newest beat.
+        echo_sent_s: when we sent the newest beat that the peer has echoed; until then the loop was alive.
         round_trip_s: of the newest echo.
         window: the last round trips, oldest first.
         down_s: newest one-way estimate towards us; None before an offset is known.
         first_sequence, last_sequence, received: for the share of lost beats.
         offset: see Offset.
-        sent_us: when its newest beat was sent, on its clock; -1: none was heard.
+        sent_us: send time of the peer's newest beat, on its clock; -1: none was heard.
     """
 
     peer: str = ""
@@ -63,7 +63,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Health:
-    """A summary for people and for /diagnostics. Milliseconds; None where nothing is known yet."""
+    """A summary for people and for /diagnostics. Milliseconds; None where unknown."""
 
     age_ms: float | None
     loop_age_ms: float | None
@@ -79,18 +79,18 @@ class Health:
 
 
 def is_news(link: Link, beat: Beat) -> bool:
-    """Return whether a beat is newer than all that were heard of its sender: late and doubled copies are not.
+    """Return whether a beat is newer than all earlier ones of its sender; late and duplicate copies are not.
 
     Order is by send time, not by sequence: the steady clock of the sender's host goes on when only its pulse process
-    restarts. Our own pulse process leaves copies out as well, and forgets what it has heard when it restarts.
+    restarts. Our own pulse process drops copies too, but it forgets what it has heard when it restarts.
     """
     return beat.incarnation != link.peer or beat.sent_us > link.sent_us
 
 
 def hear(link: Link, beat: Beat, ours: str, arrived_s: float, wall_us: int) -> Link:
-    """Take in a beat. `ours` is our incarnation: an echo of anybody else's beat proves nothing.
+    """Take a beat. `ours` is our incarnation: an echo of another incarnation's beat proves nothing.
 
-    A beat of a new incarnation starts a new Link; one that is not news changes nothing.
+    A beat of a new incarnation starts a new Link; a beat that is not news changes nothing.
     """
     if not is_news(link, beat):
         return link
@@ -136,10 +136,10 @@ def _offset(
 
 
 def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
-    """Return the loop latency that counts now: the newest round trip, or more when echoes are overdue; inf when none.
+    """Return the present loop latency: the newest round trip, or more if echoes are overdue; inf without an echo.
 
-    A healthy loop shows its newest echo at most one round trip and two beat periods (one on each side) old. What is
-    older than that has been under way for at least the difference.
+    In a healthy loop the newest echoed beat is at most one round trip and two beat periods (one on each side) old. If
+    it is older, the next echo has been under way for at least the age minus the two periods.
     """
     if link.round_trip_s is None or link.echo_sent_s is None:
         return float("inf")
@@ -147,7 +147,7 @@ def latency_s(link: Link, now_s: float, beat_period_s: float) -> float:
 
 
 def clock_excess_s(link: Link) -> float:
-    """Return how far apart the two system clocks are for sure; 0 while the uncertainty explains the difference."""
+    """Return how far apart the two system clocks are at least; 0 while the uncertainty explains the difference."""
     if link.offset is None:
         return 0.0
     return max(0.0, abs(link.offset.wall_s) - link.offset.uncertainty_s)
@@ -176,7 +176,7 @@ def health(link: Link, now_s: float) -> Health:
 
 
 def quantile(ordered: list[float] | tuple[float, ...], share: float) -> float | None:
-    """Return the value that `share` of the ascending `ordered` values do not exceed (nearest rank); None when empty."""
+    """Return the value that `share` of the ascending `ordered` values do not exceed (nearest rank); None if empty."""
     if not ordered:
         return None
     return ordered[min(len(ordered) - 1, int(len(ordered) * share))]

@@ -1,4 +1,4 @@
-"""Latency and loss of a link as of now, for people who watch: Health sums up, and no decision is taken on this."""
+"""Present latency and loss of a link, for people who watch (Health covers more time); no decision is based on it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from robot_offload_core.link.links import Link
 from robot_offload_core.words.replace import replace
 
 LOSS_WINDOW_S = 2.0
-"""Loss is the share of the beats of this time: a hundred at the default period, so one lost beat is one per cent."""
+"""Loss is a share of the beats of this window: a hundred at the default period, so one lost beat is one per cent."""
 SLACK_BEATS = 2
-"""So many beats may be on their way before the silence counts as loss."""
+"""Beats that may be on their way before silence counts as loss."""
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class Glance:
     """The link at one moment.
 
     Attributes:
-        latency_ms: the loop latency that counts now, with overdue echoes; None: no loop is known.
-        loss_share: of the last LOSS_WINDOW_S, the beats that should have come and did not, 0 to 1; None: none was due.
+        latency_ms: present loop latency, including overdue echoes; None: no loop is known.
+        loss_share: share of the beats due in the last LOSS_WINDOW_S that did not come, 0 to 1; None: none was due.
     """
 
     latency_ms: float | None = None
@@ -29,13 +29,13 @@ class Glance:
 
 @dataclass(frozen=True)
 class Watched:
-    """What was seen of a link within the window, oldest first: (steady clock in seconds, the link)."""
+    """Looks at a link within the window, oldest first: (steady clock in seconds, the link)."""
 
     seen: tuple[tuple[float, Link], ...] = ()
 
 
 def watch(watched: Watched, link: Link, now_s: float) -> Watched:
-    """Take one look at the link; look older than the window are dropped, but for the one at its edge."""
+    """Add a look at the link; drop looks older than the window, except the one at its edge."""
     kept = watched.seen if watched.seen and watched.seen[-1][1].peer == link.peer else ()
     while len(kept) > 1 and kept[1][0] <= now_s - LOSS_WINDOW_S:
         kept = kept[1:]
@@ -43,7 +43,7 @@ def watch(watched: Watched, link: Link, now_s: float) -> Watched:
 
 
 def glance(watched: Watched, now_s: float, beat_period_s: float) -> Glance:
-    """Return what the newest look shows at `now_s`."""
+    """Return latency and loss at `now_s`, from the looks so far."""
     if not watched.seen or watched.seen[-1][1].heard_s is None:
         return Glance()
     (_, then), (_, link) = watched.seen[0], watched.seen[-1]

@@ -1,16 +1,16 @@
-"""Where to act when both sides can: link health in, verdict out.
+"""Choose the side when both could be active: link health in, verdict out.
 
-Everything is counted in one currency: a second in the cloud while the link is not good enough costs 10, a second on the
-robot while it is costs 1, a change of side 0.5. Which way of weighing them is the cheapest depends on the link: on one
-with short stalls one should stay, on one with long outages leave at once and return late. So the outlook (experts.py)
-lets many rules live on this link and the policy goes where the best of them is.
+All costs have one unit. A second in the cloud while the link is not good enough costs 10, a second on the robot while
+it is good enough costs 1, a change of side 0.5. The cheapest rule depends on the link: with short stalls it is best to
+stay, with long outages to leave at once and return late. So the outlook (experts.py) runs many rules on this link, and
+the policy follows the best one.
 
 Two things are added. The cloud is never entered over a link that is not good enough at that moment, whatever a patient
-rule says. And a return that turned out wrong is followed by a hold-down: a stay that brought less than a change there
-and back costs, and was shorter than `flap_window_s`, is a flap; each one doubles the wait before the next return, up to
-the limit that the user set, and a stay that paid halves it. A link that was good for 4 s without a break ends it.
+rule chooses. And a wrong return is followed by a hold-down: a stay is a flap if it gained less than a change there and
+back costs and was shorter than `flap_window_s`. Each flap doubles the wait before the next return, up to the user's
+limit; a stay that paid halves it. A link that was good for 4 s without a break ends the wait.
 
-Broken hard limits (loss of beats and the like, health.py) end a stay at once; nobody asks here.
+Broken hard limits (loss of beats and the like, health.py) end a stay at once, without asking the policy.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PROVEN_S = 4.0
 """A link that was good for this long without a break ends every hold-down."""
 UNTAUGHT = Outlook()
 ROUNDING_S = 1e-6
-"""Less than this is left of a wait only because sums of floats are not exact."""
+"""A remaining wait below this is only a rounding error of summed floats."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Fitness:
     Attributes:
         ok: the loop is fast enough.
         reason, message: why (not).
-        latency_s: the loop latency that counts now; inf when unknown.
-        silent_s: since anything was heard of the cloud.
+        latency_s: present loop latency; inf if unknown.
+        silent_s: time since anything was heard from the cloud.
     """
 
     ok: bool
@@ -57,13 +57,13 @@ class Policy:
     """State of the policy. Times on the robot's steady clock, seconds.
 
     Attributes:
-        updated_s: when it was last reckoned; None before the first time.
+        updated_s: when the state was last updated; None before the first time.
         good_s: how long the link has been good without a break.
-        bad_s: how long it has not been.
-        gained: what the present stay in the cloud has brought so far, less what it has exposed.
-        entered_s: when that stay began; None when there is none, or it has been judged.
+        bad_s: how long it has been bad without a break.
+        gained: gain of the present stay in the cloud so far, less the cost of its exposed seconds.
+        entered_s: when that stay began; None if there is none, or it has been judged.
         hold_down_s: the wait before the next return; 0 after a stay that paid.
-        hold_until_s: the cloud is not used before this.
+        hold_until_s: the cloud is not used before this time.
         outlook: what this link has taught.
     """
 
@@ -88,7 +88,7 @@ def heard(policy: Policy, sent_s: float, latency_s: float, settings: Settings) -
 
 
 def echoed(policy: Policy, before: Link, link: Link, settings: Settings) -> Policy:
-    """Return a beat of the cloud turned `before` into `link`: it may have echoed a beat that was not echoed before."""
+    """Take the change of the link from `before` to `link` by a beat of the cloud, which may hold a new echo."""
     sent_s, round_trip_s = link.echo_sent_s, link.round_trip_s
     if sent_s is None or round_trip_s is None or sent_s == before.echo_sent_s:
         return policy
@@ -96,13 +96,13 @@ def echoed(policy: Policy, before: Link, link: Link, settings: Settings) -> Poli
 
 
 def entered(policy: Policy, site: Site, now_s: float) -> Policy:
-    """Return placement changed to `site`: how long the link is good or bad is counted anew."""
+    """Take a change of the active side to `site`: count anew how long the link is good or bad."""
     policy = replace(policy, updated_s=now_s, good_s=0.0, bad_s=0.0)
     return policy if site is Site.ROBOT else replace(policy, gained=0.0, entered_s=now_s)
 
 
 def lost(policy: Policy, settings: Settings, now_s: float) -> Policy:
-    """End the stay in the cloud, by a loss or by the rule: it shows whether returning was right."""
+    """End the stay in the cloud, after a loss or by the rule, and judge whether returning was right."""
     hold_down_s = policy.hold_down_s
     if policy.entered_s is not None:
         short = now_s - policy.entered_s < settings.flap_window_s
@@ -112,13 +112,13 @@ def lost(policy: Policy, settings: Settings, now_s: float) -> Policy:
 
 
 def flapped(policy: Policy, settings: Settings, now_s: float) -> Policy:
-    """Return short stays followed each other, whatever each of them brought: the wait before the next return grows."""
+    """Lengthen the wait before the next return after several short stays, whatever each of them gained."""
     hold_down_s = _learned(policy.hold_down_s, True, settings.hold_down_initial_s, settings.hold_down_max_s)
     return replace(policy, hold_down_s=hold_down_s, hold_until_s=now_s + hold_down_s, entered_s=None)
 
 
 def decide(policy: Policy, site: Site, fitness: Fitness, settings: Settings, now_s: float) -> tuple[Policy, Verdict]:
-    """Reckon the time since the last call to `site` (where we were) and report where to be."""
+    """Count the time since the last call for `site` (the side active meanwhile), and return the side to use."""
     policy = _reckon(policy, site, fitness, settings, now_s)
     if settings.prefer is Site.ROBOT:
         return policy, ROBOT_PREFERRED
@@ -128,7 +128,7 @@ def decide(policy: Policy, site: Site, fitness: Fitness, settings: Settings, now
 
 
 def waits(policy: Policy) -> bool:
-    """Return on a link that is good, the outlook still waits before it returns."""
+    """Return whether the outlook still waits before it returns to the cloud over a good link."""
     return not experts.in_cloud(policy.outlook)
 
 
@@ -146,7 +146,7 @@ def _reckon(policy: Policy, site: Site, fitness: Fitness, settings: Settings, no
 
 
 def _in_cloud(policy: Policy, fitness: Fitness, settings: Settings) -> Verdict:
-    """Leave when the outlook has left and the link looks bad to it; one that is only waiting ends no stay."""
+    """Leave if the outlook has left and the link looks bad to it; an outlook that only waits ends no stay."""
     outlook = policy.outlook
     if not experts.in_cloud(outlook):
         if not fitness.ok:
@@ -185,7 +185,7 @@ def _seen(fitness: Fitness) -> LinkState:
 
 
 def _usual(lengths_s: tuple[float, ...], name: str) -> str:
-    """Return what such spells are like here, as a part of a sentence; nothing while too few are known."""
+    """Return the median length of such spells as part of a sentence; "" while too few are known."""
     usual_s = experts.usual_s(lengths_s)
     if usual_s is None:
         return ""
@@ -193,7 +193,7 @@ def _usual(lengths_s: tuple[float, ...], name: str) -> str:
 
 
 def _learned(patience_s: float, wrong: bool, first_s: float, most_s: float) -> float:
-    """Return a patience after a move: doubled (from `first_s`, up to `most_s`), or halved (below that 0)."""
+    """Return the new wait after a stay: doubled (`first_s` to `most_s`) if wrong, else halved (0 below `first_s`)."""
     if wrong:
         return min(most_s, max(first_s, 2 * patience_s))
     return patience_s / 2 if patience_s / 2 >= first_s else 0.0

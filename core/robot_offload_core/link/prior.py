@@ -1,12 +1,12 @@
-"""What other links taught about the rules of the outlook: where each one starts before this link has told anything.
+"""Starting weights of the outlook's rules, learned on other links and used until this link has taught enough.
 
-The figure of a rule is its cost on links of other kinds, as a multiple of the best fixed rule there: the mean of the
+The figure of a rule is its cost on other links, as a multiple of the cost of the best fixed rule there: the mean of the
 logarithm over 96 made-up links of 20 minutes, 12 seeds of each of the families mobile, roaming, periodic, fibre,
 evening, diurnal, two-states and lossy (`robot_offload_lab.links.made_up`; `robot_offload_lab.replay.learn` prints this
-table). No link of another family and no recording of a real link had a part in it.
+table). Links of other families and recordings of real links were not used.
 
-The signal of a rule says bad when the newest latency is over `share` of the limit, or when a second beat is overdue.
-`out` and `back` are the regrets, in prices of a switch, at which it leaves the cloud and returns. With a memory the
+The signal of a rule is bad if the newest latency exceeds `share` of the limit, or if a second beat is overdue. `out`
+and `back` are the regrets, in prices of a switch, at which the rule leaves the cloud and returns. With a memory, the
 signal for returning stays bad while more than a share of a window's beats were truly bad, as known one limit later.
 """
 

@@ -1,7 +1,7 @@
 """The pulse process: fifty heartbeats a second in each direction.
 
-A heartbeat carries what control wants to be known on the other side (the lease, a report) and for how long that is
-vouched for. This room decides what a heartbeat says when control has not spoken lately.
+A heartbeat carries what control wants the other side to know (the lease, a report) and how old that is. This room
+decides what a heartbeat carries when control has been silent for a while.
 
 Never here: what to grant, and whether the link is good. Serves the pulse process of both sides.
 """

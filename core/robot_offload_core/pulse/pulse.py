@@ -1,7 +1,7 @@
-"""What a pulse process does: composes this side's beats, remembers the newest heard of each sender.
+"""What a pulse process does: compose this side's beats, and remember the newest beat heard of each sender.
 
-It vouches for nobody: a grant goes out only while control has renewed its permission within two beats, and every
-beat says how long control has been silent.
+It never speaks for a silent control process: a grant goes out only if control renewed its permission within two beats,
+and every beat states how long control has been silent.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from robot_offload_core.words.beats import (
 from robot_offload_core.words.replace import replace
 
 MAX_SENDERS = 4
-"""Senders remembered at once; more than one is a fault (two identities, a restart), not the normal case."""
+"""Senders remembered at once; normally there is one, more are a fault (two identities, a restart)."""
 JOIN_PERIODS = 0.5
-"""A beat of the robot that is due so soon goes out with one of the cloud that has just come: it saves a wake-up."""
+"""A beat of the robot due within this time goes out when a beat of the cloud comes, which saves a wake-up."""
 WAIT_PERIODS = 0.25
-"""One of the robot that is due waits so long for a beat of the cloud; the next one is due no later because of that."""
+"""How long a due beat of the robot waits for a beat of the cloud; this does not delay the next one."""
 
 
 @dataclass(frozen=True)
 class Heard:
-    """The newest beat of one sender. `version`: of its form; the sender understands that one for sure."""
+    """The newest beat of one sender. `version`: version of its form, which the sender surely understands."""
 
     incarnation: str
     sequence: int
@@ -46,13 +46,13 @@ class Pulse:
 
     Attributes:
         uid: of the RobotOffload; beats of others are ignored.
-        side: ours.
-        beat_period_s: distance of two beats.
-        incarnation: of our control process; "" until it has spoken.
-        body: what control wants said.
-        spoken_s: when control last spoke.
+        side: our side.
+        beat_period_s: time between two beats.
+        incarnation: of our control process; "" until its first message.
+        body: control's part of the beats.
+        spoken_s: when control last sent it.
         sequence: of the next beat.
-        due_s: when it is due.
+        due_s: when the next beat is due.
         heard: newest beat per sender, most recent last.
     """
 
@@ -68,19 +68,19 @@ class Pulse:
 
 
 def speak(pulse: Pulse, incarnation: str, body: Permission | CloudReport, said_s: float) -> Pulse:
-    """Return control renewed what it wants said, at `said_s` by this host's steady clock.
+    """Take control's part of the beats, which control sent at `said_s` by this host's steady clock.
 
-    That is when control said it, not when it was read: a word may have waited in the inbox of a pulse process that was
-    stopped, and a permission must not look fresh because of that.
+    `said_s` is when control sent it, not when it was read: the message may have waited in the inbox of a stopped pulse
+    process, and must not make a permission look fresh.
     """
     return replace(pulse, incarnation=incarnation, body=body, spoken_s=said_s)
 
 
 def hear(pulse: Pulse, beat: Beat, arrived_s: float) -> tuple[Pulse, bool]:
-    """Take in a beat; return whether it is newer than all of its sender's before (then control must see it).
+    """Take a beat; return whether it is newer than all earlier ones of its sender (then control must see it).
 
     Order is by send time, not by sequence: the steady clock of the sender's host goes on when only its pulse process
-    restarts. Foreign uids and our own side's beats are not ours.
+    restarts. Beats of foreign uids and of our own side are ignored.
     """
     if beat.uid != pulse.uid or beat.sender is pulse.side or not beat.incarnation:
         return pulse, False
@@ -122,15 +122,15 @@ def compose(pulse: Pulse, now_s: float, wall_us: int) -> tuple[Pulse, Beat]:
 
 
 def _next_due_s(pulse: Pulse, now_s: float) -> float:
-    """Return when a beat is due after one at `now_s`; after a stall beats are not caught up in a burst."""
+    """Return when the next beat is due after one at `now_s`; beats missed in a stall are not sent in a burst."""
     period_s = pulse.beat_period_s
     return min(now_s, max(pulse.due_s, now_s - WAIT_PERIODS * period_s)) + period_s
 
 
 def joins(pulse: Pulse, arrived_s: float) -> bool:
-    """Return whether the next beat goes out with the one that has just been heard, at `arrived_s`.
+    """Return whether to send the next beat now, with the beat that was heard at `arrived_s`.
 
-    On the robot alone: two sides that answer each other would beat as fast as the link is.
+    Only the robot does so: two sides that answer each other would beat as fast as the link allows.
     """
     heard = partner(pulse)
     if pulse.side is not Site.ROBOT or heard is None or heard.arrived_s != arrived_s:
@@ -139,13 +139,13 @@ def joins(pulse: Pulse, arrived_s: float) -> bool:
 
 
 def wake_s(pulse: Pulse) -> float:
-    """Return when the next beat goes out by itself: when it is due, on the robot a little later."""
+    """Return when the next beat goes out without one to join: when it is due, on the robot a little later."""
     waited_s = WAIT_PERIODS * pulse.beat_period_s if pulse.side is Site.ROBOT else 0.0
     return pulse.due_s + waited_s
 
 
 def partner(pulse: Pulse) -> Heard | None:
-    """Return the sender that this side talks to: the one named by control, else the one heard last."""
+    """Return the sender that this side addresses: the one named by control, else the one heard last."""
     named = pulse.body.cloud if isinstance(pulse.body, Permission) else pulse.body.serves if pulse.body else ""
     matching = next((h for h in pulse.heard if h.incarnation == named), None)
     return matching or (pulse.heard[-1] if pulse.heard else None)

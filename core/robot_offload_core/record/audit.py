@@ -1,9 +1,9 @@
 """The audit trail: who had a robot's placement, settings or certificate changed, as a chain of hashes. Pure.
 
 Each line is a JSON list `[format, number, at, kind, who, what, previous, digest]`: a number that grows by one, an RFC
-3339 time of the system clock, texts, a table of texts, the digest of the line before, and the SHA-256 of all before it
-in this line. Who changes, removes, inserts or moves a line must write all that follow anew; who keeps a head elsewhere
-(number and digest of a line) sees that, and what was cut off at the end.
+3339 time of the system clock, texts, a table of texts, the digest of the previous line, and the SHA-256 of all earlier
+elements of this line. To change, remove, insert or move a line, all following lines must be rewritten. A head kept
+elsewhere (number and digest of a line) reveals that, and lines cut off at the end.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Final
 
 FORMAT: Final = 1
 BEGINNING: Final = "0" * 64
-"""What the first line of a trail names as the digest before it."""
+"""The previous digest in the first line of a trail."""
 MAX_TEXT: Final = 1024
-"""Characters of a text; what is longer is cut, because texts come from others."""
+"""Characters of a text; longer texts are cut, because they come from outside."""
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 
 
 class Kind(str, Enum):
-    """What was done."""
+    """The kind of an entry."""
 
     START = "Start"
     SETTINGS = "Settings"
@@ -42,7 +42,7 @@ class Kind(str, Enum):
 
 @dataclass(frozen=True)
 class Head:
-    """A line of a trail, by number and digest: who knows it knows all that came before."""
+    """Number and digest of a line, which together vouch for all lines before it."""
 
     number: int = 0
     digest: str = BEGINNING
@@ -56,11 +56,11 @@ class Entry:
     """A line of a trail.
 
     Attributes:
-        head: its number and its digest.
-        previous: the digest before it.
+        head: number and digest of the line.
+        previous: digest of the previous line.
         at: RFC 3339 time, by the robot's clock.
-        kind: of what was done; a later release may have others.
-        who: where the word came from.
+        kind: see Kind; a later release may have others.
+        who: origin of the change.
         what: details.
     """
 
@@ -73,7 +73,7 @@ class Entry:
 
 
 def line(before: Head, at: str, kind: Kind, who: str, what: Mapping[str, str]) -> tuple[Head, str]:
-    """Return the next line of a trail (with its end) and the head that it makes."""
+    """Return the next line of a trail (with its newline) and the new head."""
     texts = {name[:MAX_TEXT]: text[:MAX_TEXT] for name, text in what.items()}
     body = [FORMAT, before.number + 1, at, kind.value, who[:MAX_TEXT], texts, before.digest]
     head = Head(before.number + 1, _digest(body))
@@ -81,7 +81,7 @@ def line(before: Head, at: str, kind: Kind, who: str, what: Mapping[str, str]) -
 
 
 def parse(text: str) -> Entry | None:
-    """Return what a line says; None for one that is torn, altered or of another format."""
+    """Parse a line; return None if it is torn, altered or of another format."""
     try:
         body = json.loads(text)
         form, number, at, kind, who, what, previous, digest = body
@@ -97,7 +97,7 @@ def parse(text: str) -> Entry | None:
 
 
 def other_format(text: str) -> int | None:
-    """Return the format of a line that another version of the agent wrote; None: the line is of this one, or none."""
+    """Return the format of a line of another version of the agent; None for one of this version or an invalid one."""
     try:
         body = json.loads(text)
     except (ValueError, RecursionError):
@@ -107,7 +107,7 @@ def other_format(text: str) -> int | None:
 
 
 def parse_head(text: str) -> Head | None:
-    """Return the head that a text names, `NUMBER:DIGEST`; None for anything else."""
+    """Parse a head, `NUMBER:DIGEST`; return None for anything else."""
     number, _, digest = text.partition(":")
     known = number.isascii() and number.isdigit() and len(number) < 16 and _DIGEST.fullmatch(digest)
     return Head(int(number), digest) if known else None
@@ -115,15 +115,15 @@ def parse_head(text: str) -> Head | None:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of a check.
+    """The result of a check.
 
     Attributes:
-        entries: how many lines are good, in one chain.
-        first, last: its ends; `first` is 0 without a line.
+        entries: number of good lines.
+        first, last: number of the first good line (0 if there is none), and the head of the last one.
         problems: sentences; empty: nothing was altered, as far as the lines themselves show.
-        torn: the last line is not whole, as a loss of power leaves it.
-        others: how many lines another version of the agent wrote; they are not checked.
-        other: format of the first.
+        torn: the last line is not whole, as after a loss of power.
+        others: number of lines written by another version of the agent; they are not checked.
+        other: format of the first of those.
     """
 
     entries: int
@@ -140,7 +140,7 @@ def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
 
     Args:
         lines: of all files of the trail.
-        known: a head that was kept elsewhere; None: none was.
+        known: a head that was kept elsewhere; None if there is none.
     """
     problems: list[str] = []
     entries, first, torn = 0, 0, False
@@ -173,7 +173,7 @@ def verify(lines: Iterable[str], known: Head | None = None) -> Verdict:
 
 
 def sentences(verdict: Verdict) -> list[str]:
-    """Return what a check has found, for people; the last sentence names the head to keep."""
+    """Return the findings of a check as sentences for people; the last one names the head to keep."""
     unchecked = _unchecked(verdict)
     if not verdict.entries:
         return [*verdict.problems, *unchecked, "The trail has no entry" if not unchecked else "No line was checked"]
@@ -196,7 +196,7 @@ def _unchecked(verdict: Verdict) -> list[str]:
 
 
 def exported(lines: Iterable[str]) -> list[dict[str, object]]:
-    """Return the good entries as plain values, for other programs."""
+    """Return the good entries as plain JSON values, for other programs."""
     entries = (parse(text) for text in lines)
     return [
         {"number": e.head.number, "at": e.at, "kind": e.kind, "who": e.who, "what": dict(e.what),
@@ -206,7 +206,7 @@ def exported(lines: Iterable[str]) -> list[dict[str, object]]:
 
 
 def _covers_torn(following: list[str]) -> bool:
-    """Return whether the next line says that the one before it was found torn."""
+    """Return whether the next line records that the one before it was found torn."""
     entry = parse(following[0]) if following else None
     return entry is not None and entry.kind == Kind.TORN.value
 

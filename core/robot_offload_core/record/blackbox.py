@@ -1,18 +1,18 @@
-"""The black box: what a control process was told, in a form from which the same core decides the same again.
+"""The black box: all input of a control process, in a form from which the same core reaches the same decisions.
 
-The machines of a control process are pure functions of (state, event, now). A box keeps, as lines of text, their states
-now and then (key frames), every event with its time, and what was decided. `replay` runs the core over the lines.
+The machines of a control process are pure functions of (state, event, now). A box keeps, as lines of text, an
+occasional state (key frame), every event with its time, and every decision. `replay` runs the core over the lines.
 
 Format 1: each line is a CRC-32 (eight hexadecimal digits), a blank, and a JSON list:
     ["box", format, {"side", "release", "core", ...}]    the first line of each file
     ["state", machine, now_s, state]                      a key frame
-    ["set", machine, now_s, state]                        a state that no step has led to: the first, other settings
-    ["step", machine, now_s, event's name, event]         what was taken in
-    ["did", machine, now_s, name, decision]               what came of the step before
+    ["set", machine, now_s, state]                        a state not from a step: the first, or changed settings
+    ["step", machine, now_s, event's name, event]         an event
+    ["did", machine, now_s, name, decision]               a decision of the step before
     ["broke", machine, now_s, event's name, event, rule]  a step that broke a rule of the machine; the process ended
-    ["gap", steps]                                        so many steps were not written
-Records are lists of their fields, in order (`codec.plain`). A line with another sum is passed over: a file may end in
-the middle of one. After a gap, and where another process begins, a machine goes on with its next key frame.
+    ["gap", steps]                                        number of steps that were not written
+Records are lists of their fields, in order (`codec.plain`). A line with a wrong checksum is skipped: a file may end in
+the middle of one. After a gap, and when another process begins, a machine continues from its next key frame.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SUM_LENGTH: Final = 8
 
 @dataclass(frozen=True)
 class MachineKind:
-    """How one machine is stepped and read: its step, the type of its state, its events and decisions by name."""
+    """How to step and read one machine: its step, the type of its state, its events and decisions by name."""
 
     step: Callable[[Any, Any, float], tuple[Any, Any]]
     state: type
@@ -61,11 +61,11 @@ KINDS: Final = {
         {kind.__name__: kind for kind in (managed_nodes.ChangeState, managed_nodes.Inhibit, managed_nodes.NodeNews)},
     ),
 }
-"""The machines of the control processes. Their other commands follow from the state and are not written."""
+"""The machines of the control processes. Commands other than `decisions` follow from the state and are not written."""
 
 
 def digest(sources: Iterable[tuple[str, bytes]]) -> str:
-    """Return a name of the core's code, made of its files (name, content): another one may decide otherwise."""
+    """Return a digest of the core's files (name, content); code with another digest may decide differently."""
     found = hashlib.sha256()
     for name, content in sorted(sources):
         found.update(name.encode() + b"\0" + content)
@@ -76,23 +76,23 @@ def digest(sources: Iterable[tuple[str, bytes]]) -> str:
 
 
 def line(record: list[Any]) -> str:
-    """Return a record as a line, with its sum."""
+    """Return a record as a line, with its checksum."""
     text = json.dumps(record, separators=(",", ":"), ensure_ascii=True)
     return f"{zlib.crc32(text.encode()):08x} {text}\n"
 
 
 def header(facts: dict[str, Any]) -> str:
-    """Return the first line of a file; of `facts`, `process` names who writes and `core` the code."""
+    """Return the first line of a file; in `facts`, `process` names the writer and `core` the code."""
     return line(["box", FORMAT, facts])
 
 
 def key_frame(machine: Machine, now_s: float, state: Any, *, was_set: bool = False) -> str:
-    """Return the line of a state; `was_set`: no step has led to it."""
+    """Return the line of a state; `was_set`: it is not the result of a step."""
     return line(["set" if was_set else "state", machine.value, now_s, codec.plain(comparable(state))])
 
 
 def step(machine: Machine, now_s: float, event: Any, commands: Iterable[Any]) -> str:
-    """Return the lines of a step: the event, and what was decided."""
+    """Return the lines of a step: its event and its decisions."""
     lines = [line(["step", machine.value, now_s, type(event).__name__, codec.plain(event)])]
     for decision in decisions(machine, commands):
         lines.append(line(["did", machine.value, now_s, type(decision).__name__, codec.plain(decision)]))
@@ -105,18 +105,18 @@ def broken_step(machine: Machine, now_s: float, event: Any, rule: str) -> str:
 
 
 def gap(steps: int) -> str:
-    """Return the line that says how many steps are missing."""
+    """Return the line that records how many steps are missing."""
     return line(["gap", steps])
 
 
 def decisions(machine: Machine, commands: Iterable[Any]) -> list[Any]:
-    """Return those of a machine's commands that a box keeps."""
+    """Return the commands of a machine that a box keeps."""
     kinds = tuple(KINDS[machine].decisions.values())
     return [command for command in commands if isinstance(command, kinds)]
 
 
 def comparable(state: Any) -> Any:
-    """Return a state without what was given out last: levels are given out again and decide nothing."""
+    """Return a state without the levels sent last: they are sent again and decide nothing."""
     return replace(state, levels=(), levels_s=-1.0) if isinstance(state, placement.Robot) else state
 
 
@@ -133,7 +133,7 @@ class Header:
 
 @dataclass(frozen=True)
 class KeyFrame:
-    """A state that was written down; `was_set`: no step has led to it."""
+    """A recorded state; `was_set`: it is not the result of a step."""
 
     machine: Machine
     now_s: float
@@ -143,7 +143,7 @@ class KeyFrame:
 
 @dataclass(frozen=True)
 class Step:
-    """An event that a machine took in."""
+    """A recorded event of a machine."""
 
     machine: Machine
     now_s: float
@@ -152,7 +152,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Did:
-    """A decision that was written down."""
+    """A recorded decision."""
 
     machine: Machine
     now_s: float
@@ -161,7 +161,7 @@ class Did:
 
 @dataclass(frozen=True)
 class Broke:
-    """An event whose step broke a rule of the machine; no state came of it."""
+    """An event whose step broke a rule of the machine and led to no state."""
 
     machine: Machine
     now_s: float
@@ -171,7 +171,7 @@ class Broke:
 
 @dataclass(frozen=True)
 class Gap:
-    """So many steps are missing; 0: a line that cannot be read, or none knows how many."""
+    """Number of missing steps; 0: unknown, or a line that cannot be read."""
 
     steps: int
 
@@ -180,7 +180,7 @@ Record = Header | KeyFrame | Step | Did | Broke | Gap
 
 
 def parse(text: str) -> Record:
-    """Return what a line says; a Gap for one that is torn, altered, or of a type that this release does not have."""
+    """Parse a line; return a Gap if it is torn, altered, or of a type unknown to this release."""
     words = text.rstrip("\n")
     try:
         if int(words[:SUM_LENGTH], 16) != zlib.crc32(words[SUM_LENGTH + 1 :].encode()):
@@ -217,7 +217,7 @@ class Replayed:
     Attributes:
         machine, now_s, event: as written.
         before, after: states.
-        decided: what the core decides now.
+        decided: decisions of the present core.
     """
 
     machine: Machine
@@ -234,8 +234,8 @@ class RuleBroken:
 
     Attributes:
         machine, now_s, event: as written.
-        before: the state.
-        rule: in words.
+        before: the state before the step.
+        rule: the broken rule, in words.
     """
 
     machine: Machine
@@ -247,7 +247,7 @@ class RuleBroken:
 
 @dataclass(frozen=True)
 class Differs:
-    """The core of now does not do what was written.
+    """The present core does not do what was written.
 
     Attributes:
         machine, now_s: of the step.
@@ -266,8 +266,8 @@ Found = Header | Gap | Replayed | RuleBroken | Differs
 def replay(lines: Iterable[str]) -> Iterator[Found]:
     """Run the core over the lines of a box.
 
-    A machine is replayed from its first key frame on; later ones are compared with what the replay has come to. Headers
-    and gaps are handed through. A machine that breaks a rule goes on with its next key frame.
+    A machine is replayed from its first key frame; later ones are compared with the replayed state. Headers and gaps
+    are passed through. A machine that breaks a rule continues from its next key frame.
     """
     players: dict[Machine, _Player] = {machine: _Player(machine) for machine in KINDS}
     process: object = None
@@ -290,9 +290,9 @@ class _Player:
     """One machine that is replayed.
 
     Attributes:
-        state: None until a key frame came.
-        step: the newest step, and what it decided.
-        written: what it decided then.
+        state: None until the first key frame.
+        step: the newest replayed step, with its decisions.
+        written: its recorded decisions.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -329,7 +329,7 @@ class _Player:
             yield Differs(self.machine, record.now_s, _rules(written), _rules(rule))
 
     def settle(self) -> Iterator[Found]:
-        """Give out the newest step, now that all of its decisions have been read."""
+        """Yield the newest step, now that all of its decisions have been read."""
         step, written = self.step, tuple(self.written)
         self.step, self.written = None, []
         if step is not None:

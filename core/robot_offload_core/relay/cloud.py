@@ -1,4 +1,4 @@
-"""The cloud's relay: lets its own servers execute what the robot asks under exactly the token it may act under."""
+"""The cloud's relay: its servers execute the robot's requests under exactly the token that the cloud may act under."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from robot_offload_core.words.lifecycle import State
 from robot_offload_core.words.messages import Egress, Letters, RelayStatus
 
 ORPHAN_S = 1.0
-"""How long attempts of an ended token go on, so that the robot can name those that continue."""
+"""Attempts of an ended token go on this long, so that the robot can name those that continue."""
 
 
 @dataclass(frozen=True)
@@ -58,20 +58,20 @@ class Pending:
 
 
 class CloudRelay(RelayProcess):
-    """See the module.
+    """The cloud's relay: takes the robot relay's words and calls the servers here.
 
     Attributes:
-        egress: what control says may leave, and until when.
+        egress: what control lets leave, and until when.
         ends: end of the lease of each token that something was admitted under.
         newest: epoch of the newest word for the standby.
-        inherited: actions whose server may execute what a predecessor of this relay began, until the robot's relay or a
-            cancel of all goals has settled that, from inherited_s on.
-        sweeping: until when such a cancel may act.
+        inherited: actions whose server may still execute what a predecessor of this relay began. From inherited_s on,
+            the robot's relay or a cancel of all goals settles that.
+        sweeping: until when such a cancel may take effect.
         calls: at servers here.
         used: calls and goals of the replicas here at used names.
-        pools: shares the calls at nodes with several pods.
-        dirty: something but feedback came since the last turn.
-        turn_due_s: when else there is something to do.
+        pools: distributes the calls at nodes with several pods.
+        dirty: something other than feedback arrived since the last turn.
+        turn_due_s: when there is something to do otherwise.
     """
 
     def __init__(self, plan: RelayPlan, ports: CloudRelayPorts, incarnation: str) -> None:
@@ -102,7 +102,7 @@ class CloudRelay(RelayProcess):
     # -- who may ------------------------------------------------------------------------------------------------------
 
     def admits(self, token: Token) -> bool:
-        """Return whether something may begin under a token: exactly the one that this side may act under, now."""
+        """Return whether something may begin under a token: exactly the one that this side may act under now."""
         egress = self.egress.egress if self.egress is not None else None
         return egress is not None and lease.leaves(egress, self.ports.now_s()) == token
 
@@ -125,7 +125,7 @@ class CloudRelay(RelayProcess):
         return self.egress is not None and token.robot == self.egress.robot and token.epoch >= self.newest
 
     def take_egress(self, egress: Egress) -> None:
-        """Take what control says; a token that is replaced has ended."""
+        """Take what control lets leave; a token that is replaced has ended."""
         now_s = self.ports.now_s()
         before = self.egress.egress.token if self.egress is not None else None
         after = egress.egress.token
@@ -150,7 +150,7 @@ class CloudRelay(RelayProcess):
         return float("-inf") if self.dirty else self.turn_due_s
 
     def turn(self) -> None:
-        """Do what is due; feedback alone makes nothing due."""
+        """Do what is due. Feedback alone makes nothing due."""
         now_s = self.ports.now_s()
         if now_s < self.due_s:
             return
@@ -220,7 +220,7 @@ class CloudRelay(RelayProcess):
         self.own.offer(word.action, word.attempt, word.payload, word.token, mirror=word.mirror)
 
     def _resume(self, word: ResumeWord) -> None:
-        """Go on with an attempt; the grant of its token may come a little later than the word."""
+        """Continue an attempt. The grant of its token may arrive shortly after the word."""
         if word.action not in self._actions:
             self.counters["resumes.undeclared"] += 1
             self._outcome(RunGone(word.attempt))
@@ -239,7 +239,7 @@ class CloudRelay(RelayProcess):
         self.calls[self.number] = Pending(self.post.courier.peer, word.key, word.service in self._of_cloud)
 
     def _begin_call(self, word: CallWord) -> bool:
-        """Call a server here under the next number; return False when there is none."""
+        """Call a server here under the next number; return False if there is none."""
         if word.service in self.pools.services:
             self.number += 1
             return self.pools.call(word.service, self.number, word.payload)
@@ -250,7 +250,7 @@ class CloudRelay(RelayProcess):
         return True
 
     def _outcome(self, outcome: Outcome) -> None:
-        """Report what a server did; without a lease too: no answer and no result is an effect."""
+        """Report a server's answer or result, even without a lease: a report is not an effect."""
         match outcome:
             case OfferAnswered():
                 verdict = CallVerdict.DONE if outcome.accepted else CallVerdict.REFUSED
@@ -286,7 +286,7 @@ class CloudRelay(RelayProcess):
         self.own.result_arrived(goal_id, status, payload, leased)
 
     def feedback_arrived(self, face: Face, name: str, payload: bytes) -> None:
-        """Pass feedback on; the robot decides whether a client hears it."""
+        """Pass feedback on; the robot decides whether a client gets it."""
         attempt = goal_id_of(payload)
         sequence = self.own.feedback_arrived(attempt) if attempt is not None else 0
         if sequence and len(payload) <= MAX_PAYLOAD:
@@ -308,7 +308,7 @@ class CloudRelay(RelayProcess):
     # -- replicas here, as clients of used names ----------------------------------------------------------------------
 
     def acts_under(self, spec: UsedService | UsedAction) -> Token | None:
-        """Return the token under which the node of a used name may act now; None while it stands by."""
+        """Return the token under which the node of a used name may act now; None while it is the standby."""
         egress = self.egress.egress if self.egress is not None else None
         return None if egress is None else lease.leaves(egress, self.ports.now_s(), of_cloud=spec.of_cloud)
 
@@ -328,7 +328,7 @@ class CloudRelay(RelayProcess):
         self.used.cancel_requested(CancelRequested(name, caller, goal_id, stamp_ns))
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """Take a replica's question for a result."""
+        """Take a replica's request for a result."""
         self.dirty = True
         self.used.near.ask_result(name, caller, goal_id)
 
@@ -352,17 +352,17 @@ class CloudRelay(RelayProcess):
         return max(self.inherited_s, end_s + ORPHAN_S, *runs, named_s if isfinite(named_s) else 0.0)
 
     def _named_s(self) -> float:
-        """Return when the robot's relay has named its attempts and cancelled what it has given up.
+        """Return when the robot's relay has named its attempts and cancelled those that it gave up.
 
-        Its letters are written again meanwhile, so that it must be heard. While it is not: never.
+        Its letters are repeated meanwhile, so it must be heard; infinity while it is not.
         """
         return self.post.known_s + ORPHAN_S if self.post.heard() else float("inf")
 
     def _cancel_inherited(self, now_s: float) -> None:
-        """End what a predecessor began and the robot does not name: all goals of an action, their ids are unknown.
+        """End what a predecessor began and the robot does not name: all goals of an action, as their ids are unknown.
 
-        Not before nothing of that action may run on. Until the server has answered nothing new is offered to it,
-        because the cancel would end that too.
+        Wait until nothing of that action may run on. Offer nothing new to the server until it has answered, because the
+        cancel would end that too.
         """
         if now_s >= self._named_s():
             self.inherited.clear()
@@ -374,7 +374,7 @@ class CloudRelay(RelayProcess):
             self.ports.cancel(Face.GROUP, action, ALL_GOALS)
 
     def _unname(self) -> None:
-        """Let mirrors run on for as long as a new relay of the robot may take to name them again."""
+        """Let mirrors run on until a new relay of the robot has had time to name them again."""
         until_s = self.ports.now_s() + SEEN_WITHIN_S
         for run in self.own.runs.values():
             run.named_until_s = min(run.named_until_s, until_s)
@@ -398,7 +398,7 @@ class CloudRelay(RelayProcess):
         return tuple(sorted({run.action for run in self.own.runs.values() if run.accepted}))
 
     def _busy(self, now_s: float) -> bool:
-        """Return whether the nodes still have goals or calls of an ended token, for `cancelDeadline`."""
+        """Return whether nodes still have goals or calls of an ended token, within `cancelDeadline`."""
         token = self.egress.egress.token if self.egress is not None else None
         runs = [r for r in self.own.runs.values() if r.action not in self._of_cloud and r.named_until_s <= now_s]
         ended_s = max((self.ends.get(run.token, 0.0) for run in runs), default=self.ended_s)

@@ -1,4 +1,4 @@
-"""The cloud relay's part about used names: calls and goals of the group here, which the robot's relay decides."""
+"""The cloud relay's part for used names: calls and goals of the group here, on which the robot's relay decides."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class UsedOut:
 
 
 class CloudUsed:
-    """See the module.
+    """The replicas' open calls and goals at used names, passed to the robot's relay.
 
     Attributes:
         calls: open ones.
         near: goals of the replicas here.
-        tokens: under which each of them was sent.
+        tokens: token under which each goal was sent.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class CloudUsed:
         acts_under: Callable[[UsedService | UsedAction], Token | None],
         counters: Counter[str],
     ) -> None:
-        """`acts_under` returns the token under which the node of a used name may act now; None: it stands by."""
+        """`acts_under` returns the token under which the node of a used name may act now; None: it is the standby."""
         self.ports = ports
         self.post = post
         self.acts_under = acts_under
@@ -69,7 +69,7 @@ class CloudUsed:
     # -- services -----------------------------------------------------------------------------------------------------
 
     def called(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Pass a replica's call to the robot's relay; a standby's fails at once."""
+        """Pass a replica's call to the robot's relay; fail a standby's at once."""
         spec, self.number = self.services[name], self.number + 1
         token = self.acts_under(spec)
         self.calls[self.number] = UsedOut(name, caller, self.ports.now_s() + spec.timeout_s)
@@ -99,7 +99,7 @@ class CloudUsed:
     # -- goals --------------------------------------------------------------------------------------------------------
 
     def goal_requested(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Accept a replica's goal and pass it to the robot's relay; a standby's is refused at once."""
+        """Accept a replica's goal and pass it to the robot's relay; refuse a standby's at once."""
         token, goal_id = self.acts_under(self.actions[name]), goal_id_of(payload)
         standby = token is None or not self.post.courier.peer
         if token is None or standby or goal_id is None or len(payload) > MAX_PAYLOAD:
@@ -115,7 +115,7 @@ class CloudUsed:
             self.post.write(CancelWord(Face.PUBLIC, asked.action, goal_id))
 
     def take(self, word: OfferedWord | EndedWord | FeedbackWord) -> None:
-        """Take what the robot's relay says of a goal."""
+        """Take what the robot's relay reports of a goal."""
         match word:
             case OfferedWord() if word.verdict is CallVerdict.DONE:
                 self.near.executing(word.attempt)
@@ -127,7 +127,7 @@ class CloudUsed:
                 self.near.feed(word.action, goal_id_of(word.payload) or b"", word.payload)
 
     def robot_relay_met(self) -> None:
-        """Meet another relay of the robot: open calls fail, it is asked what became of the goals."""
+        """Meet another relay of the robot: fail open calls, and ask it for the state of the goals."""
         for key in list(self.calls):
             self._fail(key, Failure.UNKNOWN)
         for goal in self.near.live():

@@ -1,7 +1,7 @@
-"""The cloud relay's part about pools: which pod of a node with several replicas takes the next call.
+"""The cloud relay's part for pools: which pod of a node with several replicas takes the next call.
 
-The pod with the fewest open calls, and of several the one that waits longest. A pod that was told to end gets no new
-calls and ends its own. A call whose pod went is begun anew only where a service may be asked twice.
+The pod with the fewest open calls takes it; of several, the one that has waited longest. A pod that was ordered to end
+gets no new calls and finishes its own. If a pod is lost, its calls begin anew only where a service may be asked twice.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from robot_offload_core.relay.goals.ports import CloudRelayPorts
 from robot_offload_core.words.declared import ServiceMode, ServiceSpec
 
 SILENT_S = 5.0
-"""A pod that let a call run out of time is asked after all others for so long; then it gets another chance."""
+"""A pod that let a call time out is asked after all others for this long; then it gets another chance."""
 
 
 @dataclass(frozen=True)
 class PooledCall:
-    """An open call. `until_s`: its caller waits no longer."""
+    """An open call. `until_s`: end of its caller's wait."""
 
     service: str
     member: str
@@ -33,7 +33,7 @@ class Pools:
     Attributes:
         services: those that pools serve, by public name.
         servers: endpoints by (service, member), as the graph shows them.
-        leaving: members whose pods were told to end.
+        leaving: members whose pods were ordered to end.
         calls: open ones, by key.
         silent: until when a member is asked last.
         turns: number of the newest call of each member.
@@ -57,11 +57,11 @@ class Pools:
         return sum(1 for call in self.calls.values() if call.member == member)
 
     def up(self) -> set[str]:
-        """Return the services that are served. Those of a pod that leaves count: a call waits for the next pod."""
+        """Return the services that are served. A leaving pod's services count: a call waits for the next pod."""
         return {service for service, _ in self.servers}
 
     def choose(self, service: str) -> str | None:
-        """Return the member that takes the next call; None when there is none."""
+        """Return the member that takes the next call; None if there is none."""
         now_s = self.ports.now_s()
         members = [member for name, member in self.servers if name == service and member not in self.leaving]
         return min(
@@ -87,7 +87,7 @@ class Pools:
     # -- what happens -------------------------------------------------------------------------------------------------
 
     def seen(self, service: str, members: Mapping[str, str]) -> None:
-        """Take the members of a service that are in the graph, with their endpoints; one that changed was replaced."""
+        """Take the members of a service in the graph, with their endpoints; a member that changed was replaced."""
         before = {member: endpoints for (name, member), endpoints in self.servers.items() if name == service}
         self.servers = {place: endpoints for place, endpoints in self.servers.items() if place[0] != service}
         self.servers |= {(service, member): endpoints for member, endpoints in members.items()}
@@ -99,7 +99,7 @@ class Pools:
         self.turns = {member: number for member, number in self.turns.items() if member in known}
 
     def _lost(self, service: str, member: str) -> None:
-        """Begin the calls of a member that went anew, where they may be executed twice."""
+        """Begin a lost member's calls anew where they may be executed twice."""
         now_s = self.ports.now_s()
         lost = [(key, it) for key, it in self.calls.items() if (it.service, it.member) == (service, member)]
         for key, call in lost:
@@ -112,12 +112,12 @@ class Pools:
                 self.counters[f"{service}.lost"] += 1
 
     def leave(self, members: Collection[str]) -> tuple[str, ...]:
-        """Take the members whose pods were told to end; return those of them that have no open call."""
+        """Take the members whose pods were ordered to end; return those that have no open call."""
         self.leaving = frozenset(members)
         return tuple(sorted(member for member in members if not self.open(member)))
 
     def answered(self, key: int) -> None:
-        """Note that a member has answered: it is not silent."""
+        """Record an answer: its member is not silent."""
         call = self.calls.pop(key, None)
         if call is not None:
             self.silent.pop(call.member, None)
@@ -129,7 +129,7 @@ class Pools:
     # -- levels -------------------------------------------------------------------------------------------------------
 
     def turn(self) -> None:
-        """Note who let a call run out of time; a late answer is passed on too."""
+        """Mark members that let a call time out as silent; a late answer is still passed on."""
         now_s = self.ports.now_s()
         for key, call in list(self.calls.items()):
             if now_s >= call.until_s:

@@ -1,4 +1,4 @@
-"""A relay's post: letters and hellos over the data session, garbage counted, a replaced relay noticed."""
+"""A relay's post: letters and hellos over the data session; invalid frames are counted, a replaced relay is noticed."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from robot_offload_core.words.messages import Letters
 from robot_offload_core.words.veil import veil_token
 
 HELLO_S = 0.1
-"""How often one relay shows the other that it lives."""
+"""Interval of the hellos, by which one relay shows the other that it lives."""
 HEARD_S = 0.35
 """Without a hello for this long (three may be lost) the other relay is not heard."""
 
 
 class Post:
-    """See the module.
+    """One relay's connection to the other: sends and takes letters and hellos.
 
     Attributes:
-        agent: incarnation of the control process whose relay is listened to; "" for nobody.
-        hello, hello_s: the newest of the other relay, and its arrival.
+        agent: incarnation of the control process whose relay is listened to; "" for none.
+        hello, hello_s: the newest hello of the other relay, and its arrival.
         veils: what is written names the robot by the hash of its incarnation (veil.py); in the cloud.
         known_s: since when the other relay has known this one and has been heard without a break; inf: it does not.
     """
@@ -46,7 +46,7 @@ class Post:
         return self.hello is not None and self.ports.now_s() - self.hello_s <= HEARD_S
 
     def write(self, word: Word) -> None:
-        """Write a letter; it is written again until it is acknowledged."""
+        """Write a letter; repeat it until it is acknowledged."""
         for frame in self.courier.write(word, self.ports.now_s()):
             self._cross(frame)
 
@@ -60,7 +60,7 @@ class Post:
             self._cross(self.courier.once(word))
 
     def take(self, data: bytes) -> tuple[Word | None, bool]:
-        """Take a frame; return its word, None for none of ours, and whether another relay than before wrote it."""
+        """Take a frame; return its word, or None if it is not for this relay, and whether a new relay wrote it."""
         try:
             frame = words.decode(data)
         except WordError as error:

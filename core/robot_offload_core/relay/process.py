@@ -1,4 +1,4 @@
-"""What the relays of both sides are to their shell: what happened comes in by the methods here, orders go out by ports.
+"""The relays of both sides as their shell sees them: events come in by these methods, orders go out by ports.
 
 All calls come from one thread. After each call, and when `due_s` has passed, the shell calls `turn`.
 """
@@ -20,21 +20,21 @@ from robot_offload_core.words.replace import replace
 JOURNAL_BYTES = 24 * 1024 * 1024
 """Size of the journal's memory file."""
 MAX_PAYLOAD = 1024 * 1024
-"""Bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
+"""Most bytes of a request, a goal, a feedback message or a result; larger ones are refused and counted by name."""
 STATUS_S = 0.1
-"""How often control gets a status, beside those at changes."""
+"""Interval of the status to control, in addition to those at changes."""
 
 
 @dataclass(frozen=True)
 class RelayPlan:
-    """What the configuration says of the relay.
+    """What the configuration declares for the relay.
 
     Attributes:
         services, actions: served by the group.
         used_services, used_actions: served outside the group.
-        prepare_deadline_s: an offer waits at most so long for the holder to be able.
-        cancel_deadline_s: the old side's goals and requests have so long to end after a change of the holder.
-        lease_s: longest that the cloud acts after its last grant.
+        prepare_deadline_s: how long an offer waits at most for the holder to be able.
+        cancel_deadline_s: how long the old side's goals and requests may take to end after a change of the holder.
+        lease_s: longest time that the cloud acts after its last grant.
     """
 
     services: tuple[ServiceSpec, ...] = ()
@@ -49,7 +49,7 @@ class RelayPlan:
 class RelayProcess(ABC):
     """Either relay.
 
-    `face` and `name` (the public name) say which server or client of the shell something is about; see `Face`.
+    `face` and `name` (the public name) identify the server or client of the shell; see `Face`.
     """
 
     @property
@@ -59,7 +59,7 @@ class RelayProcess(ABC):
 
     @abstractmethod
     def turn(self) -> None:
-        """Do what is due: send again what was not acknowledged, end what timed out, report."""
+        """Do what is due: repeat what was not acknowledged, end what timed out, report."""
 
     # -- messages -----------------------------------------------------------------------------------------------------
 
@@ -74,7 +74,8 @@ class RelayProcess(ABC):
         """Take the servers in the graph that this relay calls: (face, public name, endpoints).
 
         To be called at changes and once a second. `endpoints` is any text that changes when the server was started
-        again (the sorted gids of its request readers): a server that changed has forgotten its goals.
+        again (the
+        sorted gids of its request readers): a server that changed has forgotten its goals.
         """
 
     # -- answers of servers -------------------------------------------------------------------------------------------
@@ -97,7 +98,7 @@ class RelayProcess(ABC):
 
     @abstractmethod
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
-        """Take a server's answer to a call; `success` is False if the response has a `success` that is false."""
+        """Take a server's answer to a call; `success` is False if the response has a field `success` that is false."""
 
     # -- requests of clients ------------------------------------------------------------------------------------------
 
@@ -121,7 +122,7 @@ class RelayProcess(ABC):
 def status_problems(
     status: RelayStatus, post: Post, counters: Counter[str], levels: Mapping[str, int] = MappingProxyType({})
 ) -> RelayStatus:
-    """Return the status with what diagnostics show; `levels`: how many of what are open now, also when none are."""
+    """Return the status with what diagnostics show; `levels`: numbers of what is open now, zeros included."""
     problems = (post.problem,) if post.problem is not None else ()
     counted = tuple(sorted({**(counters + post.counters), **levels}.items()))
     return replace(status, problems=problems, counters=counted)

@@ -1,4 +1,4 @@
-"""The robot's relay: the one server that clients know; its ledger and its desk decide which side executes."""
+"""The robot's relay: the only server that clients know. Its ledger and its desk decide which side executes."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.veil import unveil_token
 
 HOLDER_LOOK_S = 0.02
-"""How often the holder is looked at while anything is open: the collector's memory wakes no process."""
+"""How often the holder is read while anything is open: the collector's memory wakes no process."""
 GOALS_PENDING = "GoalsPending"
 DIVERGED = "Diverged"
 
 
 class RobotRelay(RelayProcess):
-    """See the module.
+    """The robot's relay: takes the clients' goals and calls, and has either side execute them.
 
     Attributes:
         ledger: of goals.
         requests: of services.
         own: attempts at the robot's replica.
         orders: of control.
-        dirty: something but feedback came or changed since the last turn, so that there is something to look at.
-        turn_due_s: when else.
-        fed: newest feedback of each attempt that passed.
+        dirty: something other than feedback arrived or changed since the last turn, so a look is needed.
+        turn_due_s: when a look is needed otherwise.
+        fed: newest feedback passed, by attempt.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class RobotRelay(RelayProcess):
         self._succeed(list(records))
 
     def _succeed(self, records: list[bytes]) -> None:
-        """Go on where a predecessor ended: its goals, its waiting clients; its open calls fail."""
+        """Continue where a predecessor ended, with its goals and waiting clients; its open calls fail."""
         said = journal.replay(records)
         self.counters["journal.dropped"] += said.dropped
         self.ledger = journal.restored(self.ledger, said)
@@ -90,7 +90,7 @@ class RobotRelay(RelayProcess):
     # -- the machines -------------------------------------------------------------------------------------------------
 
     def view(self) -> state.View:
-        """Return what holds now: the collector's memory is read, the rest is what was said last."""
+        """Return the present view: the holder is read from the collector's memory, the rest is as last reported."""
         orders = self.orders
         candidate = orders.candidate if orders is not None else None
         able = frozenset(orders.able) if orders is not None else frozenset()
@@ -101,7 +101,7 @@ class RobotRelay(RelayProcess):
         return state.View(self.ports.holder(), candidate, able, self.up, self.post.heard(), present, standby)
 
     def step(self, event: Event) -> None:
-        """Step the ledger; what its commands lead to at once follows behind."""
+        """Step the ledger; process at once the events that its commands cause."""
         self.queue.append(event)
         if self.running:
             return
@@ -128,7 +128,7 @@ class RobotRelay(RelayProcess):
             self._carry_out(command)
 
     def _keep(self, record: bytes) -> bool:
-        """Append to the journal, which is written anew in the fewest records when it is full."""
+        """Append to the journal; if it is full, rewrite it with the fewest records."""
         if self.ports.keep(record):
             return True
         self.counters["journal.compacted"] += 1
@@ -195,7 +195,7 @@ class RobotRelay(RelayProcess):
         return float("-inf") if self.dirty else self.turn_due_s
 
     def turn(self) -> None:
-        """Do what is due; feedback alone makes nothing due."""
+        """Do what is due. Feedback alone makes nothing due."""
         now_s = self.ports.now_s()
         if now_s < self.due_s:
             return
@@ -210,7 +210,7 @@ class RobotRelay(RelayProcess):
         self.turn_due_s = min(self.status_due_s, self.look_due_s, *(part.due_s() for part in parts))
 
     def _look(self, now_s: float) -> None:
-        """Look at the holder and at deadlines: often while anything is open."""
+        """Check the holder and deadlines: often while anything is open."""
         self.step(state.Looked())
         self.requests.settle()
         self.used.settle()
@@ -253,7 +253,7 @@ class RobotRelay(RelayProcess):
         self.own.servers_seen({name: endpoints for name, endpoints in seen.items() if name in self.ledger.actions})
 
     def _see(self) -> None:
-        """Work out which servers are up: seen, and their nodes Active; the cloud's as its relay says."""
+        """Compute which servers are up: seen, and their nodes Active; the cloud's as its relay reports."""
         active = self.orders.active if self.orders is not None else ()
         ours = {(Site.ROBOT, name) for name in self.services if not self._of.get(name) or self._of[name] in active}
         theirs = {(Site.CLOUD, name) for name in self.post.hello.up} if self.post.hello is not None else set()
@@ -328,7 +328,7 @@ class RobotRelay(RelayProcess):
             self._feedback(name, payload, sequence)
 
     def call_answered(self, key: int, payload: bytes, success: bool = True) -> None:
-        """Take the answer of a served service, or of a used one (their keys are negative)."""
+        """Take the answer of a served service, or of a used one (keys of used ones are negative)."""
         self.dirty = True
         (self.requests if key > 0 else self.used).answered(key, payload, success)
 
@@ -358,7 +358,7 @@ class RobotRelay(RelayProcess):
             self.step(asked)
 
     def result_requested(self, face: Face, name: str, caller: bytes, goal_id: bytes) -> None:
-        """Take a client's question for a result."""
+        """Take a client's request for a result."""
         self.dirty = True
         if face is Face.GROUP:
             self.used.near.ask_result(name, caller, goal_id)
@@ -418,7 +418,7 @@ class RobotRelay(RelayProcess):
             self.ports.send(process, status_problems(status, self.post, self.counters, self._levels(view)))
 
     def _levels(self, view: state.View) -> dict[str, int]:
-        """Return how many goals and calls are open, for diagnostics: of each action and service, and of all."""
+        """Return how many goals and calls are open, for diagnostics: of each action and service, and in total."""
         by_action = questions.open_goals(self.ledger, view)
         calls = Counter(request.spec.name for request in self.requests.desk.requests)
         return {

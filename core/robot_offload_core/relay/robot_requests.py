@@ -1,4 +1,4 @@
-"""The robot relay's part about served services: calls of clients outside the group."""
+"""The robot relay's part for served services: calls of clients outside the group."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOBODY = Token("", 0, "")
 
 
 class RobotRequests:
-    """See the module.
+    """Clients' calls at served services.
 
     Attributes:
         desk: requests at served services.
@@ -46,7 +46,7 @@ class RobotRequests:
         self.orders: RelayOrders | None = None
 
     def fail_open(self, calls: dict[bytes, str]) -> None:
-        """Fail the calls that a predecessor had open: nobody knows whether they were executed."""
+        """Fail the calls that a predecessor had open: it is unknown whether they were executed."""
         for caller, service in calls.items():
             if service in self.desk.services:
                 self._carry_out(Fail(service, caller, Failure.RELAY_RESTARTED))

@@ -1,4 +1,4 @@
-"""The robot relay's part about used names: calls and goals of the group at servers outside, of both sides."""
+"""The robot relay's part for used names: calls and goals of the group at servers outside, of both sides."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ NO_STAY = -1
 
 
 class RobotUsed:
-    """See the module.
+    """Both sides' calls and goals at servers outside.
 
     Attributes:
         calls: of both sides at services outside.
@@ -68,7 +68,7 @@ class RobotUsed:
         self.number = 0
 
     def succeed(self, said: journal.Replayed) -> None:
-        """Go on with the goals of a predecessor; its open calls fail."""
+        """Continue the goals of a predecessor; fail its open calls."""
         for caller, service in said.calls.items():
             if service in self.calls.services:
                 self._fail(
@@ -82,7 +82,7 @@ class RobotUsed:
                 self.near.end(near.id)
 
     def _go_on(self, kept: journal.UsedKept) -> None:
-        """Take a goal of a predecessor: one that was offered runs, or its server says that it does not."""
+        """Take over a goal of a predecessor: if it was offered it runs, unless its server reports otherwise."""
         spec = self.goals.actions.get(kept.action)
         if spec is None:
             return
@@ -94,14 +94,14 @@ class RobotUsed:
             self.out.resume(spec.name, goal.id, NOBODY)
 
     def records(self) -> list[bytes]:
-        """Return what a successor needs of this, as records of the journal."""
+        """Return what a successor needs, as records of the journal."""
         used = [_record(g) for g in self.goals.goals.values()]
         near = [journal.near_kept(goal) for goal in self.near.goals.values()]
         calls = [journal.call_opened(c.caller, c.spec.name) for c in self.calls.calls if c.caller]
         return used + near + calls
 
     def settle(self) -> None:
-        """Let calls and goals be decided under the present view."""
+        """Decide calls and goals under the present view."""
         now_s, view = self.ports.now_s(), self.view()
         effects = self.orders.effects if self.orders is not None else None
         for call, verdict in self.calls.settle(view, effects, now_s):
@@ -165,7 +165,7 @@ class RobotUsed:
     # -- goals: clients of the robot's group --------------------------------------------------------------------------
 
     def goal_requested(self, name: str, caller: bytes, payload: bytes) -> None:
-        """Take a goal of the robot's group: accepted at once where its side may act or is preparing."""
+        """Take a goal of the robot's group; accept it at once if its side may act or is preparing."""
         spec, goal_id = self.goals.actions[name], goal_id_of(payload)
         effects = self.orders.effects if self.orders is not None else None
         standby = admit(self.view(), effects, Site.ROBOT, None) is Admission.REFUSE
@@ -183,7 +183,7 @@ class RobotUsed:
     # -- goals: the cloud relay's words -------------------------------------------------------------------------------
 
     def take(self, word: OfferWord | CancelWord | ResumeWord) -> None:
-        """Take what the cloud's relay says of a goal of its group."""
+        """Take what the cloud's relay writes about a goal of its group."""
         spec = self.goals.actions.get(word.action)
         if spec is None:
             self._tell_ended(word.attempt, GoalStatus.UNKNOWN, b"")
@@ -197,7 +197,7 @@ class RobotUsed:
             self._add(UsedGoal(word.attempt, spec, Site.CLOUD, word.token, word.payload, until_s, relay=peer))
 
     def _resume(self, word: ResumeWord, name: str) -> None:
-        """Answer what became of a goal that the cloud's relay gave to our predecessor."""
+        """Report the state of a goal that the cloud's relay gave to a predecessor."""
         goal = self.goals.goals.get(word.attempt)
         if goal is None:
             stay = self.view().holding.stay if word.token == self.view().holding.token else NO_STAY
@@ -209,7 +209,7 @@ class RobotUsed:
             self.post.write(OfferedWord(Face.PUBLIC, goal.id, CallVerdict.DONE))
 
     def cloud_relay_met(self) -> None:
-        """Meet another relay of the cloud's group: the clients of the former one hear nothing any more."""
+        """Meet another relay of the cloud's group: drop or cancel the goals of the former one's clients."""
         for goal in self.goals.orphaned(self.post.courier.peer, self.ports.now_s()):
             self.keep(journal.used_ended(goal.id))
         self.settle()

@@ -1,7 +1,7 @@
 """Which side the consumers in the cloud hear: one at a time, in the order of the stays in charge.
 
-Messages of the cloud's own replicas go to them while the cloud is in charge, not while it only gets ready; what passed
-at the robot's collector comes back to them as a mirror. Neither passes once something of a newer stay has passed.
+They get messages of the cloud's own replicas while the cloud is in charge, not while it only gets ready. Messages that
+passed at the robot's collector come back to them as a mirror. No message passes after one of a newer stay.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from robot_offload_core.fence.token import Site, Token
 
 @dataclass(frozen=True)
 class Mirror:
-    """State of the gate.
+    """State of the gate in front of the consumers in the cloud.
 
     Attributes:
         robot: incarnation of the robot whose epochs count; "" for none yet.
         epoch: of the newest stay that the consumers have heard.
-        site: who was in charge in it.
+        site: the side that was in charge in that stay.
     """
 
     robot: str = ""
@@ -31,8 +31,8 @@ def own(mirror: Mirror, token: Token, *, in_charge: bool) -> tuple[Mirror, bool]
 
     Args:
         mirror: state of the gate.
-        token: that the message leaves under.
-        in_charge: the robot has said that the cloud is in charge under this token; False while it only gets ready.
+        token: token under which the message leaves.
+        in_charge: the robot has put the cloud in charge under this token; False while the cloud only gets ready.
     """
     return _pass(mirror, token, Site.CLOUD) if in_charge else (mirror, False)
 

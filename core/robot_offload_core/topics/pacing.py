@@ -1,8 +1,8 @@
-"""How fast inputs are sent over a link that does not carry all of them. Pure: time is passed in.
+"""How fast inputs are sent over a link that cannot carry all of them. Pure: time is an argument.
 
-What would have to wait is refused by the link. Left at that, a camera comes in bursts, and a topic that matters more
-gets no larger share. So inputs with a `minRate` are spread evenly at the rate that passes: slower at refusals, those of
-the lowest priority first, and faster again while there are none.
+The link refuses messages that would have to wait. Without pacing a camera would come in bursts, and an important topic
+would get no larger share. So inputs with a `minRate` are spread evenly at the rate that passes: slower at refusals, the
+lowest priority first, and faster again while there are none.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from dataclasses import dataclass
 from robot_offload_core.words.declared import Priority
 
 SLOWER = 1.3
-"""The distance of two messages grows by this at a refusal."""
+"""Factor on the time between two messages at a refusal."""
 FASTER = 0.9
-"""The distance shrinks by this after each calm stretch: from a third of a rate to all of it in six seconds."""
+"""Factor on that time after each calm stretch: from a third of a rate to the full rate in six seconds."""
 CALM_S = 0.5
 """After this long without a refusal the pace rises again."""
 REFUSALS_S = 0.3
-"""Refusals within this time are one: all that is sent before an acknowledgement meets the same full link."""
+"""Refusals within this time count once: everything sent before an acknowledgement meets the same full link."""
 AVERAGED = 0.1
-"""Weight of the newest distance in the usual one."""
+"""Weight of the newest interval in the usual one."""
 ORDER = (Priority.LOW, Priority.NORMAL, Priority.HIGH)
 
 
 @dataclass
 class Pace:
-    """Of one input.
+    """The pace of one input.
 
     Attributes:
-        slowest_s: longest distance of two messages, from `minRate`; 0: as they come.
-        priority: what goes first.
-        least_s: present least distance; 0: as they come.
-        usual_s: mean distance in which messages come; 0: not known.
-        came_s: when the newest came, None before the first.
+        slowest_s: longest time between two messages, from `minRate`; 0: send all as they come.
+        priority: of the input.
+        least_s: present least time between two messages; 0: send all as they come.
+        usual_s: mean time between arriving messages; 0: unknown.
+        came_s: when the newest message came; None before the first.
         due_s: when the next one passes.
         changed_s: when `least_s` last changed, or a message was refused.
     """
@@ -65,7 +65,7 @@ class Pace:
         return True
 
     def slow(self, now_s: float) -> bool:
-        """Make the distance longer; return whether that was possible."""
+        """Lengthen the time between two messages; return whether that was possible."""
         if not self.slowest_s or not self.usual_s or self.least_s >= self.slowest_s:
             return False
         self.least_s = min(self.slowest_s, SLOWER * max(self.least_s, self.usual_s))
@@ -81,7 +81,7 @@ class Pace:
 
 
 class Paces:
-    """Of all inputs together."""
+    """The paces of all inputs together."""
 
     def __init__(self, paces: Iterable[tuple[str, Pace]]) -> None:
         self.of = dict(paces)
@@ -92,7 +92,7 @@ class Paces:
         return self.of[name].passes(now_s)
 
     def refused(self, name: str, now_s: float) -> None:
-        """Note that the link has refused a message: the lowest priority that can be thinned is."""
+        """Record that the link refused a message, and thin the lowest priority that can be thinned."""
         own = self.of[name]
         for pace in self.of.values():
             if pace.least_s:
@@ -102,7 +102,7 @@ class Paces:
         self._refused_s = now_s
         for priority in ORDER[: ORDER.index(own.priority) + 1]:
             same = [pace for pace in self.of.values() if pace.priority is priority]
-            # Of the refused one's own priority it alone: the others may have a share that passes.
+            # Of its own priority only the refused input is thinned: the others may have a share that passes.
             chosen = [own] if priority is own.priority else same
             slower = [pace.slow(now_s) for pace in chosen]
             if any(slower):

@@ -1,7 +1,7 @@
-"""Notices that this process did not run for a while: stopped, starved, or its host frozen.
+"""Detect that this process did not run for a while: stopped, starved, or its host frozen.
 
-What waited in its queues meanwhile looks new when it is handled and is not. Nobody can tell how old it is without
-comparing clocks, so what must be fresh is left out for as long as emptying the queues takes.
+Messages that waited in its queues look new when they are handled, but are not. Their age is unknown without comparing
+clocks, so messages that must be fresh are left out for as long as emptying the queues takes.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 LIMIT_S = 0.120
 """A gap between two signs of life that counts as a pause: six turns of a loop of 20 ms, below any useful age limit."""
 DRAIN_S = 0.050
-"""How long the queues may still hold what waited."""
+"""How long after a pause the queues may still hold messages that waited."""
 
 
 class Pauses:
-    """Fed with signs of life of a process, from any thread."""
+    """Finds pauses in the signs of life of a process, which may come from any thread."""
 
     def __init__(self, now: float) -> None:
         self.alive_s = now
@@ -21,12 +21,12 @@ class Pauses:
         self.lasted_s = 0.0
 
     def waited(self, now: float) -> bool:
-        """Sign life; return whether what is handled now may have waited through a pause."""
+        """Record a sign of life; return whether a message handled now may have waited through a pause."""
         if now - self.alive_s > LIMIT_S:
             self.until_s, self.lasted_s = now + DRAIN_S, now - self.alive_s
         self.alive_s = now
         return now < self.until_s
 
     def at_most_s(self, now: float) -> float:
-        """Sign life; return how long what is handled now may have waited through a pause, 0 without one."""
+        """Record a sign of life; return how long a message handled now may have waited in a pause, 0 without one."""
         return self.lasted_s + DRAIN_S if self.waited(now) else 0.0

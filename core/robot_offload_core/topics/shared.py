@@ -1,9 +1,9 @@
-"""Topics that a node of the group both hears and says, and that others say too: /tf, /diagnostics, /joint_states.
+"""Topics that the group publishes and subscribes, and others publish too: /tf, /diagnostics, /joint_states.
 
-A remapping moves the subscription of a process with its publisher. So the agent fills the private name: with all that
-others say on the public topic, and on the standby with the holder's part. What we put into a topic comes back to our
-own subscription; it is known by its bytes, counted, and never collected or forwarded again. Not safe for several
-threads by itself: the shell holds a lock.
+A remapping moves a process's subscription together with its publisher. So the agent fills the private topic: with
+everything that others publish on the public topic, and on the standby with the holder's part too. Messages that we
+publish come back to our own subscription; they are recognised by their bytes, counted, and never collected or forwarded
+again. Not safe for several threads by itself: the shell holds a lock.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.settings import OutputSpec
 
 ECHO_S = 3.0
-"""What has not come back by then was lost on the way."""
+"""A message that has not come back by then was lost on the way."""
 MAX_ECHOES = 4096
 OWN_FRAME_S = 1.0
 """Longest age of a replica's newest transform at which it still publishes the frame itself."""
 OWN_PERIODS = 2.0
 OWN_JITTER_S = 0.05
-"""A replica publishes a frame itself while its newest transform is no older than two of its periods and a jitter, at
-most a second. With a second alone the private topic of a Warm side had that hole after each change."""
+"""A replica publishes a frame itself while its newest transform is no older than two of its periods plus a jitter, at
+most a second. With one second for all, the private topic of a Warm side had a gap of that length after each change."""
 FADING = 0.9
-"""What is left of the longest distance of two transforms at each further one: a burst is no period."""
+"""Factor on the longest time between two transforms at each further one, so that a burst does not count as a period."""
 
 
 MAX_LATCHED_OF_OTHERS = 64
 TAKEN_S = 10.0
-"""How long a frame of the group that another node has published stays a problem; static ones are published once."""
+"""How long a frame of the group published by another node stays a problem; static ones are published once."""
 
 
 class Echoes:
-    """What we have published on a topic to which we listen ourselves, until it comes back.
+    """Messages that we have published on a topic to which we subscribe, until they come back.
 
-    A latched message comes back to each new subscription of ours, as often as there is one.
+    A latched message comes back to each new subscription of ours.
     """
 
     def __init__(self, *, latched: bool = False) -> None:
@@ -48,7 +48,7 @@ class Echoes:
         self.order: deque[tuple[float, Any]] = deque()
 
     def put(self, payload: Any, now_s: float) -> None:
-        """Note a message just before it is published."""
+        """Record a message just before it is published."""
         if self.lasting.maxlen:
             self.lasting.append(payload)
             return
@@ -58,7 +58,7 @@ class Echoes:
         self.waiting[payload] = self.waiting.get(payload, 0) + 1
 
     def own(self, payload: Any, now_s: float) -> bool:
-        """Return whether a message that was heard is one of ours that came back; each counts once, or is latched."""
+        """Return whether a received message is our own come back; each counts once, unless it is latched."""
         if self.lasting.maxlen:
             return payload in self.lasting
         while self.order and now_s - self.order[0][0] > ECHO_S:
@@ -80,12 +80,12 @@ class Loop:
     """One shared output on one side.
 
     Attributes:
-        said, filled: our messages on the public topic and on the private one of this side.
+        said, filled: our messages on the public topic and on the private topic of this side.
         heard_s: when the replica of this side last published each frame.
-        period_s: the usual distance of two of them.
-        strange: how many messages were no transforms although frames are declared.
-        undeclared: frames that the replica published and nobody declared.
-        taken_s: when somebody else last published each frame of the group on the public topic of this side.
+        period_s: usual time between two transforms of each frame.
+        strange: number of messages that were not transforms although frames are declared.
+        undeclared: frames that the replica published without a declaration.
+        taken_s: when another node last published each frame of the group on the public topic of this side.
     """
 
     def __init__(self, spec: OutputSpec) -> None:
@@ -100,13 +100,13 @@ class Loop:
         self.taken_s: dict[str, float] = {}
 
     def say(self, payload: Any, now_s: float) -> None:
-        """Note a message just before it is published on the public topic."""
+        """Record a message just before it is published on the public topic."""
         self.said.put(payload, now_s)
 
     def others(self, payload: Any, now_s: float) -> Any | None:
-        """Take a message of the public topic; return what others said in it, to be filled in; None for nothing.
+        """Return the part of a public-topic message that others published, to fill in on the private topic, or None.
 
-        The group's own frames are left out whoever says them: a frame has one parent.
+        The group's own frames are left out whoever publishes them: a frame has one parent.
         """
         if self.said.own(payload, now_s):
             return None
@@ -120,11 +120,11 @@ class Loop:
         return self._fill(self._only(payload, theirs), now_s)
 
     def taken(self, side: Site, nodes: Collection[str], now_s: float) -> tuple[str, str] | None:
-        """Return the problem that somebody else publishes frames of the group; None when nobody does.
+        """Return the problem that another node publishes frames of the group; None if none does.
 
         Args:
-            side: where this is.
-            nodes: full names of the other nodes that publish the public topic: a message does not say whose it is.
+            side: this side.
+            nodes: full names of the other nodes that publish the public topic; a message does not name its publisher.
             now_s: the steady clock.
         """
         frames = ", ".join(sorted(frame for frame, at_s in self.taken_s.items() if now_s - at_s <= TAKEN_S))
@@ -151,7 +151,7 @@ class Loop:
         return self._only(payload, ours)
 
     def _heard(self, child: str, now_s: float) -> None:
-        """Note that the replica has published a frame, and in which distance it does."""
+        """Record that the replica has published a frame, and its period."""
         if child in self.heard_s:
             distance_s = now_s - self.heard_s[child]
             usual_s = FADING * self.period_s.get(child, 0.0)
@@ -159,18 +159,18 @@ class Loop:
         self.heard_s[child] = now_s
 
     def _publishes(self, child: str, now_s: float) -> bool:
-        """Return whether the replica of this side publishes a frame itself at present."""
+        """Return whether the replica of this side currently publishes a frame itself."""
         if child not in self.heard_s:
             return False
         period_s = self.period_s.get(child, OWN_FRAME_S)
         return now_s - self.heard_s[child] <= min(OWN_FRAME_S, OWN_PERIODS * period_s + OWN_JITTER_S)
 
     def holder(self, payload: Any, now_s: float) -> Any | None:
-        """Take a message of the other side that has passed; return what of it is to be filled in on this one."""
+        """Return the part of a passed message of the other side to fill in on this side, or None."""
         return self._fill(self._only(payload, lambda t: not self._publishes(t.child, now_s)), now_s)
 
     def far(self, payload: Any, now_s: float) -> Any | None:
-        """Take what others said on the robot, here in the cloud; return what is to be filled in."""
+        """Return what to fill in here in the cloud of a message that others published on the robot."""
         return self._fill(payload, now_s)
 
     def _fill(self, payload: Any | None, now_s: float) -> Any | None:

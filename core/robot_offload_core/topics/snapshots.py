@@ -1,10 +1,10 @@
-"""Snapshots of a node's state on their way from the holder to the standby: what is whole, newer and of use.
+"""Check snapshots of a node's state on their way from the holder to the standby: are they whole and newer?
 
 A node publishes its state as `std_msgs/UInt8MultiArray` on `~/offload/state`: bytes with a header of 18, magic `ROSN`,
-format 2, the node's own version 4, size 4, CRC-32 4 (big endian). Order and age are the agents': their envelope
-carries token, sequence and echo reference. The bytes behind the header are the node's; nobody here looks into them.
+format 2, the node's own version 4, size 4, CRC-32 4 (big endian). The agents' envelope adds order and age: it carries
+token, sequence and echo reference. The bytes after the header are the node's and are not read here.
 
-CRC-32 is the one of zlib and Ethernet (ISO-HDLC), which every standard library has; a CRC-32C written in Python would
+CRC-32 is that of zlib and Ethernet (ISO-HDLC), which every standard library has; a CRC-32C written in Python would
 take 0.1 s for a mebibyte.
 """
 
@@ -22,7 +22,7 @@ MAGIC = b"ROSN"
 FORMAT = 1
 HEADER = struct.Struct(">4sHIII")
 _ARRAY = struct.Struct("<4I")
-"""What precedes the bytes of a UInt8MultiArray in little-endian CDR: encapsulation, dimensions, offset, length."""
+"""Header of a UInt8MultiArray in little-endian CDR: encapsulation, dimensions, offset, length."""
 _LITTLE_ENDIAN = b"\x00\x01"
 
 
@@ -53,7 +53,7 @@ def parse(message: bytes, max_size: int) -> Snapshot | Refused:
     """Read a snapshot from a serialized UInt8MultiArray.
 
     Args:
-        message: CDR as the middleware gives it; may come from anybody.
+        message: CDR as the middleware delivers it; may come from any node.
         max_size: most bytes of the node's data.
     """
     if len(message) < _ARRAY.size or message[:2] != _LITTLE_ENDIAN:
@@ -78,10 +78,10 @@ def parse(message: bytes, max_size: int) -> Snapshot | Refused:
 
 @dataclass(frozen=True)
 class Standing:
-    """What the standby has of one node's state.
+    """The newest snapshot of one node's state at the standby.
 
     Attributes:
-        robot: incarnation of the robot's control under which it came; epochs are compared within one only.
+        robot: incarnation of the robot's control under which it came; only epochs of one incarnation are compared.
         epoch, sequence: of the newest snapshot taken.
         taken_s: when it arrived, on this host's clock; None before the first one.
         age_s: upper bound of its age at that moment.
@@ -94,12 +94,12 @@ class Standing:
     age_s: float = 0.0
 
     def aged_s(self, now_s: float) -> float:
-        """Return an upper bound of the age of what the standby has, seconds; infinite before the first one."""
+        """Return an upper bound of the snapshot's age, seconds; infinite before the first one."""
         return float("inf") if self.taken_s is None else now_s - self.taken_s + self.age_s
 
 
 def take(standing: Standing, opened: Envelope, now_s: float) -> Standing | Refused:
-    """Return the standing with a newer snapshot, or that the snapshot is not newer.
+    """Return the standing with an arrived snapshot, or OLDER if the snapshot is not newer.
 
     Args:
         standing: what the standby has.

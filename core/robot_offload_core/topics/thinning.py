@@ -1,15 +1,15 @@
-"""How much of a topic the link takes, and what to say when that is less than is published. Pure: time is passed in."""
+"""How much of a topic the link takes, and the problem if that is less than published. Pure: time is an argument."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 THINNING_WINDOW_S = 5.0
-"""Window of the count: long enough that one cut of a second does not count as thinning."""
+"""Window of the count: long enough that a single cut of a second does not count as thinning."""
 LEAST_OFFERED = 10
 LEAST_REFUSED_SHARE = 0.2
 MISSED_SHARE = 0.9
-"""A rate below this share of `minRate` misses it: a window cuts off one message at either end."""
+"""A rate below this share misses `minRate`, as a window cuts off one message at either end."""
 CURE = "Publish it smaller, compressed or more seldom"
 
 
@@ -19,7 +19,7 @@ class Thinning:
 
     Attributes:
         began_s: when the present window began.
-        offered, sent, sent_bytes: messages since then.
+        offered, sent, sent_bytes: messages and bytes since then.
         problem: (reason, message) of the last whole window; None: the link took nearly everything.
     """
 
@@ -30,13 +30,13 @@ class Thinning:
     problem: tuple[str, str] | None = None
 
     def count(self, size: int, *, sent: bool) -> None:
-        """Count a message that was offered to the link; `size`: bytes that it took."""
+        """Count a message that was offered to the link; `size`: bytes that the link took."""
         self.offered += 1
         self.sent += sent
         self.sent_bytes += size
 
     def count_later(self, size: int) -> None:
-        """Count that a message that was refused has been taken after all."""
+        """Count a refused message that the link took after all."""
         self.sent += 1
         self.sent_bytes += size
 
@@ -45,13 +45,13 @@ class Thinning:
         return now_s - self.began_s >= THINNING_WINDOW_S
 
     def judge(self, name: str, now_s: float, *, connected: bool, slowest_s: float = 0.0) -> tuple[str, str] | None:
-        """End the window; return what is to be said of it.
+        """End the window; return the problem, (reason, message), that it shows, or None.
 
         Args:
             name: of the topic.
             now_s: the present.
-            connected: whether there is a session at all; without one nothing is thinned, there is no link.
-            slowest_s: longest distance of two messages that was declared; 0: none.
+            connected: whether there is a session; without one there is no link, and nothing counts as thinned.
+            slowest_s: declared longest time between two messages; 0: none.
         """
         passed_s, offered, sent, size = now_s - self.began_s, self.offered, self.sent, self.sent_bytes
         refused = offered - sent

@@ -1,8 +1,8 @@
-"""Transforms in the bytes of a tf2_msgs/TFMessage: which there are, and a message with some of them left out.
+"""Read the transforms in the bytes of a tf2_msgs/TFMessage, and leave some of them out.
 
 Layout: CDR of the OMG (RTPS 2.5, section 10.2, plain CDR of XTypes): four bytes of encapsulation, then the sequence of
-geometry_msgs/TransformStamped, every number aligned to its size from behind the encapsulation. Read by hand because
-tf2_msgs need not be installed beside the agent for that, and because thousands a second need not become objects.
+geometry_msgs/TransformStamped, every number aligned to its size, counted from the end of the encapsulation. Read by
+hand so that tf2_msgs need not be installed with the agent, and thousands a second need not become objects.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 
 
 class TransformsError(ValueError):
-    """Bytes that are no TFMessage."""
+    """The bytes are not a TFMessage."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def read(payload: bytes) -> list[Transform]:
     """Return the transforms of a message.
 
     Raises:
-        TransformsError: the bytes are no TFMessage.
+        TransformsError: the bytes are not a TFMessage.
     """
     order = ORDERS.get(bytes(payload[:2]))
     if order is None:
@@ -57,10 +57,10 @@ def read(payload: bytes) -> list[Transform]:
 
 
 def only(payload: bytes, wanted: Callable[[Transform], bool]) -> bytes | None:
-    """Return a message with the wanted transforms alone, None when there are none; the same bytes when all are.
+    """Return a message with only the wanted transforms: None if none is wanted, the same bytes if all are.
 
     Raises:
-        TransformsError: the bytes are no TFMessage.
+        TransformsError: the bytes are not a TFMessage.
     """
     found = read(payload)
     kept = [transform for transform in found if wanted(transform)]
@@ -89,7 +89,7 @@ def _name(text: bytes) -> str:
 
 
 class _Reader:
-    """Takes aligned pieces one after the other."""
+    """Takes aligned pieces of the bytes, one after the other."""
 
     def __init__(self, payload: bytes, order: str) -> None:
         self.payload = payload

@@ -1,9 +1,9 @@
 """How long a message waited between its publisher and this process, without comparing the clocks of two hosts.
 
-A process whose other threads work has no pause, and still a message can wait for the one thread that takes it: on a
-machine that lends out its processors a single one of them may stand still. The publisher's middleware stamps each
-message; what is between that stamp and now holds the difference of two clocks, the shortest way, and the wait. The
-smallest of late is taken for the first two, as LEDBAT does with delays of one direction (RFC 6817, base delay).
+A message can wait for the one thread that takes it while the other threads run, so that there is no pause: on a host
+that lends out its processors, a single one may stand still. The publisher's middleware stamps each message. The time
+from that stamp to now is clock offset + minimum transit + waiting time. As in LEDBAT (RFC 6817, base delay of one
+direction), its recent minimum estimates the first two.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 
 WAITS_WINDOW_S = 10.0
-"""The smallest way is that of the present window and the one before: a clock that was set is believed after two."""
+"""The minimum is that of the present window and the one before: after two windows a set clock is believed."""
 STEP_S = 0.020
-"""More than a system clock is slewed by between two messages: it was set."""
+"""A larger step of the system clock between two messages is not slewing: the clock was set."""
 ON_THE_WAY_S = 1.0
-"""What was on its way when the clock was set back seems to have come before it left: nothing is learnt from it."""
+"""After the clock was set back, messages on their way seem to arrive before they left: nothing is learned from them."""
 
 
 class Waits:
-    """Fed with each message of one topic, on one thread."""
+    """Waiting times of the messages of one topic; called on one thread."""
 
     def __init__(self) -> None:
         self.shortest_s = math.inf
@@ -29,7 +29,7 @@ class Waits:
         self.learns_s = -math.inf
 
     def waited_s(self, published_s: float, system_s: float, now_s: float) -> float:
-        """Return how much longer the way of a message was than the shortest one of late, 0 where nothing is known.
+        """Return how much longer a message was under way than the recent minimum; 0 if none is known.
 
         Args:
             published_s: the publisher's stamp, by the system clock of its host.

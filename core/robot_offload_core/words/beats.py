@@ -1,9 +1,9 @@
-"""The beat: what each pulse process says to the other side fifty times a second, and its text form.
+"""The beat that each pulse process sends to the other side fifty times a second, and its text form.
 
 One line of printable text, fields separated by blanks, the version first. The same text travels on the Zenoh pulse
 session and in `frame_id` of the std_msgs/Header beats of DDS transports. Unknown versions and garbage raise BeatError
 with a reason to count by; they never reach the machines. Times are microseconds of the sender's steady clock unless
-said otherwise; durations are microseconds, ages in a report are milliseconds.
+stated otherwise; durations are microseconds, ages in a report are milliseconds.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from robot_offload_core.words.veil import unveiled, veiled
 
 VERSION = "4"
 PREVIOUS = "3"
-"""Also read, and spoken to who speaks it: without `shape`, and with the robot's incarnation as it is."""
+"""Also read, and sent to a peer that sends it: without `shape`, and with the robot's incarnation unhashed."""
 SHAPE_LENGTH = 8
 """Hexadecimal digits of a shape."""
 MAX_LENGTH = 900
-"""Longest text accepted: one datagram of the smallest path MTU we count on (1150 bytes less the transport's own)."""
+"""Longest text accepted: one datagram of the smallest assumed path MTU (1150 bytes less the transport's own)."""
 NONE = "-"
 MAX_AGE_MS = 99_999
-"""Longest age in a report, ms: all that is older is too old alike. It keeps the text short."""
+"""Longest age in a report, ms: anything older is too old anyway. Keeps the text short."""
 MAX_INTEGER = 2**63
 MAX_BITS = 256
 """Most outputs that have a bit in a report."""
@@ -35,7 +35,7 @@ MAX_UID = 63
 
 
 class BeatError(ValueError):
-    """Text that is no beat of ours. `reason` is one of BadVersion, BadForm."""
+    """The text is not a valid beat. `reason` is BadVersion or BadForm."""
 
     def __init__(self, reason: str, message: str) -> None:
         super().__init__(f"{reason}: {message}")
@@ -44,13 +44,13 @@ class BeatError(ValueError):
 
 @dataclass(frozen=True)
 class Echo:
-    """Proof of having heard: the newest beat of the other side.
+    """Proof of having heard the newest beat of the other side.
 
     Attributes:
         incarnation: of the sender of that beat.
         sequence: of that beat.
         sent_us: as written in that beat, on its sender's clock.
-        hold_us: from its arrival to the sending of this echo.
+        hold_us: time from its arrival to the sending of this echo.
     """
 
     incarnation: str
@@ -69,10 +69,10 @@ class Permission:
         cloud: incarnation of the cloud's control process that this is addressed to; "" before one was heard.
         lease_us: length of the grant.
         in_charge: the cloud is in charge under this epoch; False while it only gets ready.
-        presence: the nodes with placement Cloud may speak under the presence token, whoever is in charge.
+        presence: nodes with placement Cloud may publish under the presence token, whichever side is in charge.
 
-    On the wire the grant has four values: 0 none, 1 to get ready, 2 in charge, 3 presence alone. The first two grants
-    contain presence.
+    On the wire the grant has four values: 0 none, 1 to get ready, 2 in charge, 3 presence alone. Grants 1 and 2 include
+    presence.
     """
 
     epoch: int
@@ -89,18 +89,18 @@ class Permission:
 
 @dataclass(frozen=True)
 class CloudReport:
-    """The cloud's part of a beat: what its control process says of itself.
+    """The cloud's part of a beat: the report of its control process.
 
     Attributes:
-        serves: incarnation of the robot that it serves; "" for none.
-        epoch: under which it acts or gets ready; 0 for none.
-        acting: it holds a lease of that epoch and its nodes are ready.
+        serves: incarnation of the robot that the cloud serves; "" for none.
+        epoch: under which the cloud acts or gets ready; 0 for none.
+        acting: the cloud holds a lease of that epoch and its nodes are ready.
         ready: all its duplicated CORE nodes are Active.
         refused: incarnation of a second robot that it refuses; "" for none.
-        data_age_us: since its data session last heard the robot; -1 never.
+        data_age_us: time since its data session last heard the robot; -1 never.
         input_ages_us: newest accepted age of each required input, in the order of the configuration; -1 never.
-        rated: a bit for each output, 1 << its place in the configuration: the `while` of that output is true there.
-        shape: digest of all that is numbered by its place in the cloud's configuration; "" from an older cloud.
+        rated: one bit per output, 1 << its place in the configuration, set if the output's `while` is true there.
+        shape: digest of everything numbered by its place in the cloud's configuration; "" from an older cloud.
     """
 
     serves: str = ""
@@ -125,10 +125,10 @@ class Beat:
         sequence: grows by one with every beat of one pulse process.
         sent_us: when it was sent.
         wall_us: the sender's system clock minus its steady clock, for the estimate of the clock offset.
-        control_age_us: since control last spoke to this pulse process; -1 never.
-        echo: what was heard last, None if nothing.
-        body: Permission from the robot, CloudReport from the cloud; None when control has fallen silent.
-        version: of the form in which it is written.
+        control_age_us: time since control last sent to this pulse process; -1 never.
+        echo: of the beat heard last; None if none was.
+        body: Permission from the robot, CloudReport from the cloud; None if control has fallen silent.
+        version: of the text form.
     """
 
     uid: str
@@ -144,7 +144,7 @@ class Beat:
 
 
 def veil(beat: Beat) -> Beat:
-    """Return a beat of the cloud as it is said: with hashes for the robots that it serves, echoes and refuses."""
+    """Return a beat of the cloud as it is sent: with hashes for the robots that it serves, echoes and refuses."""
     echo, body = beat.echo, beat.body
     if echo is not None:
         echo = replace(echo, incarnation=veiled(echo.incarnation))
@@ -154,7 +154,7 @@ def veil(beat: Beat) -> Beat:
 
 
 def unveil(beat: Beat, own: str) -> Beat:
-    """Return a beat of the cloud with the incarnation `own` of the robot that heard it for its hash."""
+    """Return a beat of the cloud with the hash of `own`, the receiving robot's incarnation, replaced by `own`."""
     echo, body = beat.echo, beat.body
     if echo is not None:
         echo = replace(echo, incarnation=unveiled(echo.incarnation, own))
@@ -211,7 +211,7 @@ def _grant(body: Permission) -> int:
 
 
 def encode_fitting(beat: Beat) -> str:
-    """Return the text of a beat; of a bare one, which renews nothing, when the whole would be too long to be read."""
+    """Encode a beat; if the text is too long, encode it without a body, so that it renews nothing."""
     try:
         return encode(beat)
     except BeatError:
@@ -219,7 +219,7 @@ def encode_fitting(beat: Beat) -> str:
 
 
 def _age(age_us: int) -> str:
-    """Return an age as it is written: whole milliseconds, rounded up, never more than MAX_AGE_MS; -1 never."""
+    """Return the text of an age: whole milliseconds, rounded up, at most MAX_AGE_MS; -1 never."""
     return "-1" if age_us < 0 else str(min(MAX_AGE_MS, -(-age_us // 1000)))
 
 
@@ -265,11 +265,11 @@ _USUAL = re.compile(
     rf"{_ONE} ([0-9]{{1,18}}) ([01]) ([01]) {_ONE} {_MANY} (-|{_MANY}(?:,{_MANY})*) ([0-9a-f]{{1,{MAX_BITS // 4}}})"
     rf"(?: (-|[0-9a-f]{{{SHAPE_LENGTH}}}))?)"
 )
-"""A whole beat with an echo; what has another form is read word by word."""
+"""A whole beat with an echo; any other form is read word by word."""
 
 
 def decode(text: str) -> Beat:
-    """Read a beat; raise BeatError for anything that is not one."""
+    """Decode a beat; raise BeatError for anything else."""
     if len(text) > MAX_LENGTH:
         raise BeatError("BadForm", "too long")
     usual = _USUAL.fullmatch(text)
@@ -281,7 +281,7 @@ def decode(text: str) -> Beat:
 
 
 def _usual(version: str, found: tuple[str, ...]) -> Beat:
-    """Return the beat of a match, in less than half the time that reading it word by word takes."""
+    """Return the beat of a match, in less than half the time of reading it word by word."""
     uid, cloud, incarnation, sequence, sent_us, wall_us, control_us, echoed, echo_number, echo_us, hold_us = found[:11]
     body: Permission | CloudReport
     if cloud is None:
@@ -378,4 +378,4 @@ def _bits(text: str) -> int:
 
 
 PERMISSION_BEATS = 2
-"""Beats for which a permission of control stands (protocol section 1)."""
+"""Beats for which a permission of control is valid (protocol section 1)."""

@@ -1,4 +1,4 @@
-"""What must hold after every step of a machine, checked in production too: a state that breaks it is never acted on."""
+"""Invariants, checked after every step of a machine in production too: a state that breaks one is never used."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ BROKEN_EXIT = 70
 
 
 class InvariantError(Exception):
-    """A machine reached a state that it must never be in: a defect, not an input. The process ends and starts anew.
+    """A machine reached a forbidden state: a defect, not a bad input. The process ends and is restarted.
 
     Attributes:
         machine: name of the machine.
-        rule: what does not hold.
-        event: what led there.
+        rule: the broken rule, in words.
+        event: the event of the step.
     """
 
     def __init__(self, machine: str, rule: str, event: object) -> None:

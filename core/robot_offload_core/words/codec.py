@@ -1,4 +1,4 @@
-"""Dataclasses to plain JSON values and back, by their type hints; what does not fit the hints is refused."""
+"""Convert dataclasses to plain JSON values and back, by their type hints; values of other types are refused."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Reader = Callable[[Any], Any]
 
 
 class CodecError(ValueError):
-    """A value of another form than its type hint says."""
+    """A value does not fit its type hint."""
 
 
 def plain(value: Any) -> Any:
-    """Return dataclasses as lists of their fields, enums as their values, tuples as lists."""
+    """Return a value as plain JSON: dataclasses as lists of their fields, enums as values, tuples as lists."""
     return _writer(value.__class__)(value)
 
 
 def typed(kind: Any, value: Any) -> Any:
-    """Return the inverse of `plain` for the type `kind`; raise CodecError."""
+    """Return the inverse of `plain` for the type `kind`; raise CodecError if the value does not fit."""
     return _reader(kind)(value)
 
 
@@ -34,7 +34,7 @@ def _names(cls: Any) -> tuple[str, ...]:
 
 @cache
 def _writer(kind: Any) -> Reader:
-    """Return what writes values of one class: worked out once, as for reading."""
+    """Return the writer for one class; built once, like the readers."""
     if is_dataclass(kind):
         names = tuple(field.name for field in fields(kind))
         return lambda value: [_writer((v := getattr(value, name)).__class__)(v) for name in names]
@@ -51,7 +51,7 @@ def _same(value: Any) -> Any:
 
 @cache
 def _reader(kind: Any) -> Reader:
-    """Return what reads one type: worked out once, because messages are read some hundred times a second."""
+    """Return the reader for one type; built once, because messages are read some hundred times a second."""
     origin = get_origin(kind)
     if origin in (Union, UnionType):
         return _union(kind)

@@ -1,4 +1,4 @@
-"""A decision of placement, for the log, the diagnostics and /offload/placement."""
+"""A decision about the placement."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from robot_offload_core.words.reasons import Verdict
 
 @dataclass(frozen=True)
 class Decided:
-    """For log, diagnostics and /offload/placement.
+    """A decision about the placement, for the log, the diagnostics and /offload/placement.
 
     Attributes:
-        site, epoch: who is in charge now.
+        site, epoch: the side in charge now and its epoch.
         phase: see Phase.
         verdict: reason and message of the change.
         switched: the side in charge changed.
-        silent_s: since the last good beat, at a sudden loss; None for a commanded change.
+        silent_s: time since the last good beat, at a sudden loss; None for a commanded change.
     """
 
     site: Site
@@ -30,11 +30,11 @@ class Decided:
 
 
 class Phase(str, Enum):
-    """Who acts and what is under way.
+    """Which side acts, and which change is under way.
 
-    ROBOT: the robot acts. TO_CLOUD: it acts while the cloud gets ready under a candidate epoch. CLOUD: the cloud acts.
-    TO_ROBOT: it acts while the robot's nodes wake. TAKEOVER: the robot is in charge after a sudden loss, its CORE nodes
-    are still waking.
+    ROBOT: the robot acts. TO_CLOUD: the robot acts while the cloud gets ready under a candidate epoch. CLOUD: the cloud
+    acts. TO_ROBOT: the cloud acts while the robot's nodes activate. TAKEOVER: the robot is in charge after a sudden
+    loss, and its CORE nodes still activate.
     """
 
     ROBOT = "Robot"

@@ -1,6 +1,6 @@
-"""What a user declares by name beside outputs and inputs: services, actions, used names, state, conditions.
+"""What a user declares besides outputs and inputs: services, actions, used names, state, conditions.
 
-Each value is checked once, where it is read; the machines take it as it is. Sizes are in bytes, durations in seconds.
+Each value is checked once, where it is read; the machines rely on it. Sizes are in bytes, durations in seconds.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from robot_offload_core.fence.token import Site
 
 MEBIBYTE = 1024 * 1024
 LARGEST_SNAPSHOT = 16 * MEBIBYTE
-"""Bytes. What the data session carries in one message at most (`maxMessageSize`)."""
+"""Bytes. Largest message of the data session (`maxMessageSize`)."""
 _NAME = re.compile(r"/[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]*")
 _SERVICE_TYPE = re.compile(r"[a-z][a-z0-9_]*/srv/[A-Z][A-Za-z0-9]*")
@@ -21,7 +21,7 @@ _ACTION_TYPE = re.compile(r"[a-z][a-z0-9_]*/action/[A-Z][A-Za-z0-9]*")
 
 
 class SettingsError(ValueError):
-    """A value that cannot work; the message names the setting and says what to change."""
+    """A value that cannot work; the message names the setting and what to change."""
 
 
 class ServiceMode(str, Enum):
@@ -30,26 +30,26 @@ class ServiceMode(str, Enum):
     HOLDER = "Holder"
     """The side that holds, at most once."""
     IDEMPOTENT = "Idempotent"
-    """The side that holds; the new one is asked again when nobody knows whether the old one has executed the call."""
+    """The side that holds; the new one is asked again if it is unknown whether the old one has executed the call."""
     BOTH = "Both"
-    """Both sides, so that the replica changes too; the answer of the side that holds counts."""
+    """Both sides, so that the replica's state changes too; the answer of the side that holds counts."""
     RACE = "Race"
     """Both sides; the first answer wins."""
 
 
 WITHOUT_LIMIT_S = 1e9
-"""A wait that no limit ends: thirty years."""
+"""A wait without limit: thirty years."""
 
 
 class OnSwitch(str, Enum):
-    """What becomes of a goal that is being executed when the other side begins to act."""
+    """What happens to an executing goal when the other side begins to act."""
 
     RESEND_ON_LOSS = "ResendOnLoss"
-    """A planned switch waits for the end of the goal; after a loss the other side gets it, parts may run twice."""
+    """A planned switch waits for the end of the goal; after a loss the other side gets it, and parts may run twice."""
     RESEND = "Resend"
-    """The other side gets the goal at each change, so parts may run twice; one that began anew twice keeps its side."""
+    """The other side gets the goal at each change, so parts may run twice; a goal begun anew twice keeps its side."""
     CONTINUE = "Continue"
-    """The other side gets the goal at each change and goes on from where the robot is: no change costs progress."""
+    """The other side gets the goal at each change and continues where the robot is: no change costs progress."""
     HOLD = "Hold"
     """A planned switch waits for the end of the goal, at most `hold_for_s`; a loss ends it ABORTED."""
     ABORT = "Abort"
@@ -57,7 +57,7 @@ class OnSwitch(str, Enum):
 
     @property
     def resends(self) -> bool:
-        """The other side gets the goal when it begins to act."""
+        """Return whether the other side gets the goal when it begins to act."""
         return self in (OnSwitch.RESEND, OnSwitch.RESEND_ON_LOSS, OnSwitch.CONTINUE)
 
 
@@ -65,13 +65,13 @@ class Accept(str, Enum):
     """Who answers a client that sends a goal."""
 
     RELAY = "Relay"
-    """The relay on the robot, at once; a server that refuses later ends the goal ABORTED."""
+    """The relay on the robot, at once; if the server refuses later, the goal ends ABORTED."""
     HOLDER = "Holder"
     """The server of the side that holds."""
 
 
 class Priority(str, Enum):
-    """Which inputs go first when the link does not carry all of them."""
+    """Which inputs go first if the link cannot carry all of them."""
 
     HIGH = "High"
     NORMAL = "Normal"
@@ -85,7 +85,7 @@ class While:
     Attributes:
         actions: public names of actions; empty: `topic` decides.
         topic: public name of a topic; "": `actions` decide.
-        within_s: a message of `topic` keeps the output rated for so long.
+        within_s: how long a message of `topic` keeps the output rated.
     """
 
     actions: tuple[str, ...] = ()
@@ -104,7 +104,7 @@ class While:
 
 @dataclass(frozen=True)
 class Frame:
-    """A transform that the group publishes: only the holder's reaches the public topic."""
+    """A transform that the group publishes; only the holder's reaches the public topic."""
 
     parent: str
     child: str
@@ -131,7 +131,7 @@ class ServiceSpec:
         core: its node is CORE.
         of_cloud: its node has no replica on the robot and acts by presence (placement Cloud).
         hot: sides on which its node stays Active in standby.
-        pooled: its node has several pods, and each serves it under a name of its own.
+        pooled: its node has several pods, each of which serves it under its own name.
     """
 
     name: str
@@ -162,12 +162,12 @@ class ActionSpec:
     Attributes:
         name: public name.
         type: `PKG/action/Name`.
-        on_switch: what becomes of a running goal at a change of the holder.
+        on_switch: what happens to a running goal at a change of the holder.
         node: resource name of the node that serves it.
         accept: who answers a client that sends a goal.
-        hold_for_s: longest wait of a commanded change for the end of a goal (Hold).
-        timeout_s: from when the holder is able until an unanswered offer ends the goal ABORTED.
-        result_timeout_s: how long a result is kept for a client that has not asked.
+        hold_for_s: longest time a commanded change waits for the end of a goal (Hold).
+        timeout_s: time from when the holder is able until an unanswered offer ends the goal ABORTED.
+        result_timeout_s: how long a result is kept for a client that has not asked for it.
         mirror: live goals are offered to the Hot standby too.
         core: its node is CORE.
         of_cloud: its node has no replica on the robot and acts by presence (placement Cloud).
@@ -233,7 +233,7 @@ class UsedAction:
         type: `PKG/action/Name`.
         node: resource name of the node that uses it.
         cancel_after_s: how long the old side's goal runs on after a change of the holder; 0: it is cancelled at once.
-        timeout_s: an offer without an answer after it ends the goal ABORTED.
+        timeout_s: time after which an unanswered offer ends the goal ABORTED.
         of_cloud: its node acts by presence (placement Cloud).
     """
 
@@ -255,12 +255,12 @@ class UsedAction:
 
 @dataclass(frozen=True)
 class TopicState:
-    """State by a topic: the newest message that the holder published is given to the standby's node.
+    """State in a topic: the standby's node gets the newest message that the holder published.
 
     Attributes:
         node: resource name of the node whose state it is.
         topic: public name of the topic that the node publishes.
-        restore: public name of the topic of the same type that the node takes its state from.
+        restore: public name of the topic, of the same type, from which the node takes its state.
         type: interface type; "auto": from the graph.
     """
 
@@ -279,12 +279,12 @@ class TopicState:
 
 @dataclass(frozen=True)
 class ParameterState:
-    """State by parameters: what was set on the holder is set on the standby.
+    """State in parameters: values set on the holder are set on the standby.
 
     Attributes:
         node: resource name of the node whose state it is.
-        nodes: names of the nodes whose parameters are copied, child nodes too; empty: the node alone.
-        except_: names of parameters that stay as they are on each side.
+        nodes: names of the nodes whose parameters are copied, including child nodes; empty: the node alone.
+        except_: names of parameters that are not copied.
     """
 
     node: str
@@ -299,7 +299,7 @@ class ParameterState:
 
 @dataclass(frozen=True)
 class SnapshotState:
-    """State by bytes that the node itself publishes on `~/offload/state` and takes from `~/offload/restore`.
+    """State in bytes that the node itself publishes on `~/offload/state` and takes from `~/offload/restore`.
 
     Attributes:
         node: resource name of the node whose state it is.

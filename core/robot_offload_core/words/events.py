@@ -1,4 +1,4 @@
-"""What more than one machine takes in or gives out."""
+"""Events and commands that several machines share."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from robot_offload_core.fence.token import Site
 
 
 def assert_never(unexpected: NoReturn) -> NoReturn:
-    """End a `match` over a union: a kind that no case takes in is an error of types, and raise at run time.
+    """End a `match` over a union: a missing case is an error for the type checker, and raises at run time.
 
     Raises:
-        TypeError: something came that is none of the union's types.
+        TypeError: the value has none of the union's types.
     """
     raise TypeError(f"nobody takes in {unexpected!r}")
 
@@ -26,16 +26,16 @@ class Tick:
 
 @dataclass(frozen=True)
 class Acting:
-    """Level, from the machine of a side to its guardian: whether the side's duplicated nodes are to be Active.
+    """Level from the machine of a side to its guardian: whether the side's duplicated nodes are to be Active.
 
     Attributes:
         acting: the side is in charge or gets ready to be.
         outputs_flow: its rated outputs flow.
-        in_charge: False while it only gets ready and the other side acts: then nothing of it stops the driver.
-        outputs_heard: a message of each was seen in time: flowing counts by grace too (after a pause of the collector,
-            after a change of who is in charge), and grace lifts no inhibit.
-        silent: names of the outputs that do not flow, as far as the collector said.
-        stop: why the driver is to be stopped at once whoever acts; "" for no reason.
+        in_charge: False while the side only gets ready and the other one acts; then it cannot stop the driver.
+        outputs_heard: a message of each rated output was seen in time. `outputs_flow` may also be true by grace (after
+            a pause of the collector, after a change of the side in charge), and grace lifts no inhibit.
+        silent: names of the outputs that do not flow, as far as the collector has reported them.
+        stop: why the driver is to be stopped at once, whichever side acts; "" for no reason.
     """
 
     acting: bool
@@ -47,7 +47,7 @@ class Acting:
 
 
 class Machine(str, Enum):
-    """The machines of a control process, by the name that a black box gives them."""
+    """The machines of a control process, by their names in a black box."""
 
     PLACEMENT = "placement"
     LEASE = "lease"
@@ -58,13 +58,13 @@ class Witness(Protocol):
     """Sees every step of a control process's machines, as a black box does."""
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Take a step: event in, state after it and commands out. Must return at once."""
+        """Take a step: its event, the state after it and its commands. Must return at once."""
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Take a state that no step has led to: the first one, or one with settings changed."""
+        """Take a state that is not the result of a step: the first one, or one with changed settings."""
 
     def broke(self, machine: Machine, now_s: float, event: Any, rule: str) -> None:
-        """Take an event whose step broke a rule of the machine: the process ends as soon as this returns."""
+        """Take an event whose step broke a rule of the machine; the process ends as soon as this returns."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,10 @@ class StateReported:
     """A data process reported which state its side lacks.
 
     Attributes:
-        site: whose.
-        epoch: of the preparation that it is about; 0: none.
-        lacking: why the side does not know the state of the one that acts.
-        before_active: those of `lacking` that a node takes when it becomes Active, so it is to have them before.
+        site: the side that lacks it.
+        epoch: of the preparation that the report is about; 0: none.
+        lacking: why the side does not know the state of the acting side.
+        before_active: those of `lacking` that a node needs before it becomes Active.
     """
 
     site: Site
@@ -95,10 +95,10 @@ class StateReported:
 
 @dataclass(frozen=True)
 class CloudData:
-    """The data process's view.
+    """What the cloud's data process reports to its machine.
 
     Attributes:
-        age_s: since the robot was last heard on the data session; None never.
+        age_s: time since the robot was last heard on the data session; None never.
         input_ages_s: newest accepted age of each required input; None never.
         rated: bits of the outputs whose `while` is true here, see beats.CloudReport.
     """

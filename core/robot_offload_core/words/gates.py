@@ -1,4 +1,4 @@
-"""The words of the gate: what control wants of the collector, what becomes of a message, what the collector reports."""
+"""The words of the gate: control's order to the collector, the ruling on a message, the collector's report."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from robot_offload_core.words.settings import OutputSpec
 
 @dataclass(frozen=True)
 class Gate:
-    """What control wants, renewed every beat period.
+    """Control's order to the collector, renewed every beat period.
 
     Attributes:
         started_us: when control started; a later start outranks an earlier one.
         current: the side in charge.
         next: the side that gets ready and may take over at its first messages; None otherwise.
-        said_s: when control said so, on this host's steady clock; None: now. A gate may have waited in the inbox of a
-            collector that was stopped.
+        said_s: when control sent it, on this host's steady clock; None: now. A gate may have waited in the inbox of a
+            stopped collector.
         presence: token of the outputs of nodes with placement Cloud (results.py); None: none of them passes.
-        prompt: the side that acts cannot, or must not, so that nobody waits for the slow outputs of `next`
+        prompt: the active side cannot or must not act, so the change does not wait for slow outputs of `next`
             (slow_outputs.py).
         robot_while, cloud_while: the outputs, by index, whose `while` is true on that side.
-        floors: outputs, by index, and how much longer than a period their next message is waited for at least,
-            seconds, because a shorter silence of them was taken for a loss by mistake (fast_takeover.py).
+        floors: (output index, least margin after a period before its next message counts as lost, seconds), because a
+            shorter silence of the output was once mistaken for a loss (fast_takeover.py).
     """
 
     started_us: int
@@ -64,12 +64,12 @@ class Ruling(Explained):
 
     @property
     def passes(self) -> bool:
-        """The message reaches the consumers."""
+        """Return whether the message reaches the consumers."""
         return self in _PASSES
 
     @staticmethod
     def of(ruling: fence.Ruling) -> Ruling:
-        """Return the word for what the fence has ruled."""
+        """Return the word for a ruling of the fence."""
         return _RULINGS[ruling.value]
 
 
@@ -79,11 +79,11 @@ _RULINGS = {word.value: word for word in Ruling}
 
 @dataclass(frozen=True)
 class Passage:
-    """What becomes of a message.
+    """Whether a message passes.
 
     Attributes:
-        reason: why it passes, or not. `NOT_ALL_READY`: to be kept, it may pass at the changeover.
-        also: with `CHANGED_OVER`: outputs whose kept message passes now too, before this one; the rest is forgotten.
+        reason: why it passes, or not. With `NOT_ALL_READY` it must be kept, as it may pass at the changeover.
+        also: with `CHANGED_OVER`: outputs whose kept message passes now too, before this one; drop the others.
     """
 
     reason: Ruling
@@ -91,7 +91,7 @@ class Passage:
 
     @property
     def passes(self) -> bool:
-        """Publish the message."""
+        """Return whether to publish the message."""
         return self.reason.passes
 
 
@@ -100,19 +100,19 @@ class GateReport:
     """What the collector reports to control.
 
     Attributes:
-        charge: who passes now; None before the first gate.
+        charge: the charge that passes now; None before the first gate.
         fell_back: see Collector.
         robot_flows: every rated output has a message of the robot's replica within its deadline, or is not judged yet.
         cloud_flows: the same for messages of the cloud with the current (or next) token.
-        robot_flowing: the rated outputs, by index, of which a message of the robot's replica was seen within the
-            deadline, without any grace.
-        cloud_flowing: the outputs with a deadline, by index, of which the cloud has spoken within it, also those of
+        robot_flowing: the rated outputs, by index, with a message of the robot's replica within the deadline, without
+            any grace.
+        cloud_flowing: the outputs with a deadline, by index, with a message of the cloud within it, including those of
             nodes with placement Cloud.
         stale: the outputs of nodes with placement Cloud, by index, whose newest message was too old to pass.
         robot_silent, cloud_silent: the rated outputs, by index, that do not flow.
-        idle: the rated outputs, by index, that need not speak on the robot now (`while`).
-        missed: outputs of which the cloud's next message has not come in time, while the robot's Hot replica spoke:
-            index, and when the message was due.
+        idle: the rated outputs, by index, that need not publish on the robot now (`while`).
+        missed: (index, due time) of outputs whose next message of the cloud is lost, while the robot's Hot replica has
+            published.
     """
 
     charge: Charge | None
@@ -129,7 +129,7 @@ class GateReport:
 
     @staticmethod
     def names(indices: tuple[int, ...], outputs: tuple[OutputSpec, ...]) -> tuple[str, ...]:
-        """Return the names of these outputs, as far as they are known here."""
+        """Return the names of the known ones among these outputs."""
         if not indices:
             return ()
         return tuple(outputs[i].shown for i in indices if i < len(outputs))

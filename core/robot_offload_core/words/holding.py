@@ -1,4 +1,4 @@
-"""Which side the collector passes, as data and relay need it."""
+"""Which side the collector passes, for the data and relay processes."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from robot_offload_core.fence.token import Site, Token
 
 @dataclass(frozen=True)
 class Holding:
-    """Who holds, as the collector's memory says.
+    """The side that holds, from the collector's memory.
 
     Attributes:
         site: the side that the collector passes; the robot also before the first gate and after falling back.
         stay: grows by one with each change of `site`, over restarts of collector and control.
-        token: under which that side passes; epoch 0 before the first gate.
+        token: token under which that side passes; epoch 0 before the first gate.
     """
 
     site: Site

@@ -1,4 +1,4 @@
-"""The messages that the processes of one agent exchange. Each is a level: losing one loses nothing."""
+"""The messages that the processes of one agent exchange. Each is a level, so a lost one does no harm."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robot_offload_core.words.reasons import Reason
 ENVELOPE = b"e"
 """A `Carried` message of the cloud's replica on its way to the collector."""
 OTHERS = b"o"
-"""A `Carried` message of a shared topic that somebody outside the group said on the robot, on its way to the cloud."""
+"""A `Carried` message of a shared topic from a node outside the group on the robot, on its way to the cloud."""
 PASSED = b"p"
 """A `Carried` message that has passed at the collector, on its way to consumers in the cloud."""
 
 
 @dataclass(frozen=True)
 class Speak:
-    """control -> pulse: what to say in this side's beats, said at `said_s`; renewed with every beat period."""
+    """control -> pulse: control's part of this side's beats, sent at `said_s`; renewed every beat period."""
 
     incarnation: str
     body: beats.Permission | beats.CloudReport
@@ -30,7 +30,7 @@ class Speak:
 
 @dataclass(frozen=True)
 class Arrived:
-    """pulse -> control: a newer beat arrived; and our own newest beat, which saves control a wake-up."""
+    """pulse -> control: a newer beat arrived. `sent` is our own newest beat, which saves control a wake-up."""
 
     text: str
     arrived_s: float
@@ -47,7 +47,7 @@ class Heard:
     arrived_s: float
 
     def echo_us(self, waited_s: float) -> int:
-        """Return what an envelope refers to when its message waited so long before it was taken: an older beat."""
+        """Return the echo reference of a message that waited `waited_s` before we took it: an older beat's time."""
         return max(1, self.sent_us - round(waited_s * 1e6))
 
 
@@ -55,7 +55,7 @@ class Heard:
 class PulseStatus:
     """pulse -> control, once a second and at changes: the session and what was not understood.
 
-    `cause` is the reason of what `message` says (the link's `LinkCause`); there may be one while it is connected.
+    `cause` is the reason behind `message` (the link's `LinkCause`); it may be set even while connected.
     """
 
     connected: bool
@@ -72,7 +72,7 @@ class PulseStatus:
 class CloudTypes:
     """data -> collector, with every probe of the cloud: (output, interface type) of the cloud's replicas.
 
-    A type is its name, and behind a blank its hash where the middleware of the cloud gives one.
+    A type is its name, followed by a blank and its hash if the cloud's middleware provides one.
     """
 
     types: tuple[tuple[str, str], ...]
@@ -80,10 +80,13 @@ class CloudTypes:
 
 @dataclass(frozen=True)
 class Orders:
-    """control -> data (robot): identity for headers and probes, renewed with every beat period.
+    """control -> data (robot): identity for headers and probes, renewed every beat period.
 
-    `word` answers a switch by hand that was asked for in the cloud: `REQUEST|0 or 1|message`, "" for none. `preparing`:
-    epoch under which the robot gets ready, 0 while it does not. `active`: nodes of this side that are Active.
+    Attributes:
+        incarnation, epoch: the robot's identity.
+        word: answer to a switch by hand requested in the cloud: `REQUEST|0 or 1|message`; "" for none.
+        preparing: epoch under which the robot gets ready; 0 while it does not.
+        active: nodes of this side that are Active.
     """
 
     incarnation: str
@@ -102,8 +105,8 @@ class Egress:
         robot: incarnation of the robot served; inputs of others are refused.
         egress: token and end of the lease; token None closes.
         nodes: (node, lifecycle state) here, for the robot's guardian.
-        word: a switch by hand asked for here, `SITE:number`; "" for none.
-        veils: what we say names the robot by the hash of its incarnation (veil.py).
+        word: a switch by hand requested here, `SITE:number`; "" for none.
+        veils: our messages name the robot by the hash of its incarnation (veil.py).
     """
 
     incarnation: str
@@ -122,13 +125,13 @@ class DataStatus:
         report: for the robot's machine; None in the cloud.
         cloud_data: for the cloud's machine; None on the robot.
         complete: the last values of all latched inputs are the robot's (cloud only).
-        word: what the other side's control says (see Orders and Egress).
+        word: from the other side's control (see Orders and Egress).
         replicas: (node, lifecycle state) of the other side.
         problems: (reason, message) for diagnostics.
         counters: (name, value) for diagnostics.
         flowing: rated outputs, by index, that a replica here has published within the deadline (cloud only).
         occasions: outputs, by index, whose `while.topic` has arrived within its time.
-        states: what each side lacks of the state of the other (robot only).
+        states: what each side lacks of the other side's state (robot only).
     """
 
     report: DataReported | None
@@ -146,9 +149,9 @@ class DataStatus:
 
 @dataclass(frozen=True)
 class CollectorStatus:
-    """collector -> control, at changes and five times a lease; once a second with all behind `report`.
+    """collector -> control, at changes and five times a lease; once a second with all fields after `report`.
 
-    `ages_ms` are those of the newest message of the cloud, by output; `silence` is that of the last change of side.
+    `ages_ms` holds the age of the cloud's newest message, by output; `silence` is that of the last change of side.
     """
 
     report: gates.GateReport
@@ -160,9 +163,9 @@ class CollectorStatus:
 
 @dataclass(frozen=True)
 class Notes:
-    """control <-> data, once a second and at changes: notes for the other side, and notes of the other side.
+    """control <-> data, once a second and at changes: notes to the other side, and notes from it.
 
-    `incarnation` is of the control process that wrote them.
+    `incarnation` is that of the control process that wrote them.
     """
 
     incarnation: str
@@ -180,8 +183,8 @@ class Reported:
 class Limits:
     """control -> collector and data, once a second and at changes: limits that can change at run time.
 
-    `inputs` holds (input, oldest age in ms, most messages a second) of each input; `loss_timeout_s` and `activation_s`
-    are those of `collectors.Collector`.
+    `inputs` holds (input, oldest age in ms, most messages a second) of each input. For `loss_timeout_s` and
+    `activation_s` see `collectors.Collector`.
     """
 
     max_command_age_s: float
@@ -193,7 +196,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Fatal:
-    """any -> supervisor: the start must fail with this message and exit code."""
+    """any -> supervisor: the start must fail, with this message and exit code."""
 
     process: str
     message: str
@@ -202,7 +205,7 @@ class Fatal:
 
 @dataclass(frozen=True)
 class Unheard:
-    """collector -> supervisor, ten times a second while it lasts: nothing has come from a process for `silent_s`."""
+    """collector -> supervisor, ten times a second while true: a process has sent nothing for `silent_s`."""
 
     process: str
     silent_s: float
@@ -210,7 +213,7 @@ class Unheard:
 
 @dataclass(frozen=True)
 class Alive:
-    """any -> supervisor, twice a second: all threads work; the sign of the slowest one is `age_s` old."""
+    """any -> supervisor, twice a second: all threads work; the slowest one's sign of life is `age_s` old."""
 
     process: str
     pid: int
@@ -219,7 +222,7 @@ class Alive:
 
 @dataclass(frozen=True)
 class Lives:
-    """supervisor -> control, once a second: (process, deaths, of these: because it hung, for a broken invariant)."""
+    """supervisor -> control, once a second: (process, all deaths, deaths by hanging, deaths by a broken invariant)."""
 
     processes: tuple[tuple[str, int, int, int], ...]
 
@@ -244,8 +247,8 @@ class RelayOrders:
         candidate: the side that gets ready and its token; None when no change is prepared.
         able: sides whose CORE nodes are Active.
         active: nodes of this side that are Active, by resource name.
-        effects: the side whose calls at used names are admitted; None: nobody's, they wait.
-        said_s: when control said so, on this host's steady clock.
+        effects: the side whose calls at used names are admitted; None: calls of both sides wait.
+        said_s: when control sent it, on this host's steady clock.
     """
 
     robot: str
@@ -264,14 +267,14 @@ class RelayStatus:
 
     Attributes:
         candidate: token of the preparation that `pending` is about; None for none (and always in the cloud).
-        pending: what the candidate still lacks, (reason, message); empty: as far as goals and requests go it is ready.
+        pending: what the candidate still lacks, (reason, message); empty if its goals and requests are ready.
         hold: an action with a goal that a planned switch waits for, "" for none.
-        hold_for_s: how long it waits for that goal.
-        holder: who holds, as the relay last saw (in the cloud: CLOUD while it may act).
-        busy: this side's nodes still have goals or requests to end: they are not to be deactivated yet.
+        hold_for_s: how long the switch waits for that goal.
+        holder: the holder as the relay last saw it (in the cloud: CLOUD while it may act).
+        busy: this side's nodes still have goals or requests to end and must not be deactivated yet.
         executing: actions that this side executes, by public name.
-        unfit: a mirror here has ended long before its goal: this side must not take over by silence (robot only).
-        lacking: what the side that acts has not got, (reason, message): it goes on without them, Degraded.
+        unfit: a mirror here has ended long before its goal; this side must not take over by silence (robot only).
+        lacking: what the active side lacks, (reason, message): it goes on without, Degraded.
         problems, counters: for diagnostics, once a second; else empty.
     """
 
@@ -290,19 +293,19 @@ class RelayStatus:
 
 @dataclass(frozen=True)
 class HolderChanged:
-    """collector -> relay: the collector's memory names another holder. A wake-up; who, stands in the memory."""
+    """collector -> relay: wake-up, because the collector's memory names another holder."""
 
 
 @dataclass(frozen=True)
 class Letters:
-    """relay <-> data: a message of one side's relay to the other's; opaque to data, may be lost, large or late."""
+    """relay <-> data: a message between the relays of the two sides; opaque to data; may be lost, large or late."""
 
     data: bytes
 
 
 @dataclass(frozen=True)
 class PulseSent:
-    """The pulse process sent a beat; `granted` when it carried a grant."""
+    """The pulse process sent a beat; `granted` if it carried a grant."""
 
     sent_s: float
     granted: bool
@@ -310,7 +313,7 @@ class PulseSent:
 
 @dataclass(frozen=True)
 class SetGate:
-    """Level, to the collector."""
+    """Level to the collector: control's order."""
 
     gate: Gate
 

@@ -7,7 +7,7 @@ MAX_NAME = 256
 
 
 MAX_SHOWN = 8
-"""Parameters of one node that a message names."""
+"""Most parameters of one node that a message names."""
 
 
 PRIVATE_TOPICS = "/offload/{}/"

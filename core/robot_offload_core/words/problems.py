@@ -1,4 +1,4 @@
-"""What the agents report in `/diagnostics` besides the decisions: problems that a person should look at."""
+"""Problems that a person should look at; the agents report them in `/diagnostics` besides the decisions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robot_offload_core.words.reasons import Explained
 
 
 class Problem(Explained):
-    """A problem of one agent; the robot drives on unless a reason of the placement says otherwise."""
+    """A problem of one agent; the robot drives on unless a reason of the placement prevents it."""
 
     REPLICA_MISSING = (
         "ReplicaMissing", "The cloud has not seen a replica of a duplicated node for 3 s",

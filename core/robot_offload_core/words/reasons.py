@@ -1,7 +1,7 @@
-"""Why something was decided, as types: what a reason implies is a property of it, and its text is compared nowhere.
+"""Why something was decided, as types: what a reason implies is its property, and its text is never compared.
 
-The word of a member is what people and machines read (log, `/offload/placement`, diagnostics, the robot's Lease); it
-never changes. `docs/reference/reasons.md` is made from the enumerations that build on `Explained`.
+People and machines read the word of a member (log, `/offload/placement`, diagnostics, the robot's Lease); it never
+changes. `docs/reference/reasons.md` is generated from the enumerations that build on `Explained`.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from robot_offload_core.fence.token import Site
 
 
 class Explained(str, Enum):
-    """A word with its cause and the next step of a person who meets it.
+    """A word with its cause and the next step for a person who reads it.
 
     Attributes:
         cause: what has happened, one sentence without its full stop.
-        advice: the next step; "" when there is nothing to be done.
+        advice: the next step; "" if nothing need be done.
     """
 
     _value_: str
@@ -39,13 +39,12 @@ class Explained(str, Enum):
 
 
 class Kind(str, Enum):
-    """Whose wish a reason is, from the strongest to the weakest.
+    """The origin of a reason, from the strongest to the weakest.
 
     LIMIT: a hard limit is broken; it ends a stay in the cloud at once and forbids the next. VETO: the cloud is
-    forbidden whatever anybody asks for. PIN: a person fixed the side. HAND: a person asked for the side. ATTEMPT: a
-    changeover that was begun did not succeed, or is not begun because the other side lacks something. NEED: the robot
-    cannot act. POLICY: the rule weighs the link. PREFERENCE: the resource prefers the robot. STATE: nothing was decided
-    yet.
+    forbidden, even if a person asks for it. PIN: a person fixed the side. HAND: a person asked for the side. ATTEMPT: a
+    changeover failed, or is not begun because the other side lacks something. NEED: the robot cannot act. POLICY: the
+    rule weighs the link. PREFERENCE: the resource prefers the robot. STATE: nothing is decided yet.
     """
 
     LIMIT = "hard limit"
@@ -77,33 +76,33 @@ class Reason(Explained):
 
     @property
     def urgent(self) -> bool:
-        """Wait for no dwell, start no hold-down and let no retry wait: a veto, a pin or a switch by hand."""
+        """Return whether dwell, hold-down and retry delays are skipped: for a veto, a pin or a switch by hand."""
         return self.kind in (Kind.VETO, Kind.PIN, Kind.HAND)
 
     @property
     def chosen(self) -> bool:
-        """Somebody chose the side: shown also while a limit is broken that would forbid the other one."""
+        """Return whether the side was chosen explicitly; that is shown even while a limit forbids the other side."""
         return self.urgent or self.kind is Kind.PREFERENCE
 
     @property
     def yields_to_need(self) -> bool:
-        """Ask for the robot, but not for a standstill: given up when the robot cannot act and the cloud can."""
+        """Return whether this demand for the robot is dropped if the robot cannot act and the cloud can."""
         return self.kind is not Kind.PIN and (self.kind is not Kind.VETO or self in _YIELDING_VETOES)
 
     @property
     def forbids(self) -> bool:
-        """Forbid the cloud and end a stay there, when another process finds it.
+        """Return whether this reason, if found by another process, forbids the cloud and ends a stay there.
 
-        What does not is judged only before a stay: it hinders the policy, delays a pin or a switch by hand, and is
+        Other reasons are judged only before a stay: they stop the policy, delay a pin or a switch by hand, and are
         otherwise only reported.
         """
         return self.kind in (Kind.LIMIT, Kind.VETO)
 
     @property
     def hardens(self) -> bool:
-        """Return whether this veto becomes a hard limit when the robot is not in charge by the activation deadline.
+        """Return whether this veto becomes a hard limit if the robot is not in charge by the activation deadline.
 
-        While such a veto stands consumers may hear two producers: goals and nodes buy no more time for it.
+        While such a veto holds, consumers may hear two producers, so goals and nodes get no more time.
         """
         return self in _HARDENING_VETOES
 
@@ -303,7 +302,7 @@ class Reason(Explained):
 
 
 _YIELDING_VETOES = frozenset({Reason.POD_STOPPING})
-"""Vetoes for which no robot stands still; for all others that is better than to let the cloud act."""
+"""Vetoes for which the robot must not stand still; for all others that is better than letting the cloud act."""
 
 _HARDENING_VETOES = frozenset(
     {
@@ -313,7 +312,7 @@ _HARDENING_VETOES = frozenset(
         Reason.SECOND_LIFECYCLE_MANAGER,
     }
 )
-"""Vetoes that are about two at once: "never two" comes before "never none" and before "nothing lost"."""
+"""Vetoes against two producers at once: "never two" outranks "never none" and "nothing lost"."""
 
 
 @dataclass(frozen=True)
@@ -326,7 +325,7 @@ class Verdict:
 
 
 def silence(site: Site, names: tuple[str, ...]) -> str:
-    """Return the sentence about rated outputs of a side that are silent."""
+    """Return a sentence about the silent rated outputs of a side."""
     who = f"output{'s' * (len(names) > 1)} {', '.join(names)}" if names else "rated outputs"
     verb = "is" if len(names) == 1 else "are"
     return f"The {site.value}'s {who} {verb} silent"

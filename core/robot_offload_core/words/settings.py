@@ -1,4 +1,4 @@
-"""What a user sets, in seconds, checked once for values that cannot work together."""
+"""What a user sets, in seconds; checked once for values that cannot work together."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DRIFT_SHARE = 0.2
 """Margin for two steady clocks running at different speeds.
 
 A quartz is off by 0.01 %, but chrony slews a clock by up to 83,333 ppm (its `maxslewrate`), and with it the steady
-clock that leases are counted on: two hosts slewed apart differ by (1 + 0.0833) / (1 - 0.0833) = 1.18.
+clock that times leases: two hosts slewed apart differ by (1 + 0.0833) / (1 - 0.0833) = 1.18.
 """
 
 
@@ -21,17 +21,17 @@ STALL_BEATS = 2.5
 STALL_LEAST_S = 0.050
 """Two turns of a control process (20 ms) and its slack (10 ms)."""
 PAUSE_MOST_S = 0.150
-"""Longest gap between steps of the cloud that leaves its lease valid (see pause_s)."""
+"""Longest gap between steps of the cloud after which its lease stays valid (see pause_s)."""
 ROBOT_LIVE_LEAST_S = 1.0
 """Least silence after which another incarnation of the robot may be served."""
 LOOKS_S = 0.060
-"""Shortest deadline of an output that can be judged: a look of the collector may be late."""
+"""Shortest deadline of an output that can be judged, because a look of the collector may be late."""
 LARGEST_MESSAGE = 16 * MEBIBYTE
-"""Bytes. What the agent's processes hand over in one piece at most."""
+"""Bytes. Largest message that the agent's processes hand over in one piece."""
 
 
 class Mode(str, Enum):
-    """`Auto` switches; `Observe` measures, decides and says what it would do, but never switches."""
+    """`Auto` switches; `Observe` measures, decides and reports what it would do, but never switches."""
 
     AUTO = "Auto"
     OBSERVE = "Observe"
@@ -42,25 +42,27 @@ class Settings:
     """All timing of the switch. Every duration in seconds.
 
     Attributes:
-        beat_period_s: distance of two beats.
+        beat_period_s: time between two beats.
         loss_timeout_s: silence of good beats that means loss.
         lease_s: how long a grant lets the cloud act, from the sending of the beat that it echoes.
         max_command_age_s: oldest cloud message that may reach a consumer.
-        robot_period_s: period of the robot's replica; `cloud_period_s`: of the cloud's; with
-        tolerance_s: they give the loop latency that the cloud may have: t_l + t_c_cloud <= t_c_robot + tolerance.
+        robot_period_s: period of the robot's replica.
+        cloud_period_s: period of the cloud's replica.
+        tolerance_s: bounds the loop latency of the cloud: t_l + t_c_cloud <= t_c_robot + tolerance.
         min_dwell_s: least stay before a switch that only the policy asks for.
-        activation_deadline_s: in which a side's nodes must become Active.
-        hold_down_initial_s: wait before the cloud is used again after a loss; doubled by each flap up to
-        hold_down_max_s: ; a stay in the cloud shorter than flap_window_s is a flap.
+        activation_deadline_s: time in which a side's nodes must become Active.
+        hold_down_initial_s: wait before the cloud is used again after a loss; each flap doubles it.
+        hold_down_max_s: longest such wait.
+        flap_window_s: a shorter stay in the cloud is a flap.
         max_clock_offset_s: largest difference of the two system clocks (user nodes compare stamps).
         manual_hold_s: how long a switch by hand outweighs the policy.
-        prefer: the side to be on when both can act.
-        pin: from the resource; None = policy decides.
+        prefer: the side to use when both can act.
+        pin: from the resource; None: the policy decides.
         mode: see Mode.
-        prepare_deadline_s: in which a side that gets ready without a loss must have nodes, goals and state; 0: the
+        prepare_deadline_s: time in which a side that gets ready without a loss must have nodes, goals and state; 0: the
             activation deadline (see `preparing_s`).
-        cancel_deadline_s: in which the old side's goals end after a change, before its nodes are deactivated.
-        settle_for_s: how long a side that was called off for its goals or state stays Active.
+        cancel_deadline_s: time in which the old side's goals end after a change, before its nodes are deactivated.
+        settle_for_s: how long a side stays Active after it was called off for its goals or state.
         max_message_size: bytes of the largest message that is carried.
     """
 
@@ -88,47 +90,51 @@ class Settings:
 
     @property
     def allowed_loop_s(self) -> float:
-        """Round trip that the cloud may have and still be worth it (the thesis's rule solved for t_l)."""
+        """Return the longest round trip at which the cloud is worth using (the thesis's rule solved for t_l)."""
         return self.robot_period_s + self.tolerance_s - self.cloud_period_s
 
     @property
     def echo_limit_s(self) -> float:
-        """Oldest echo of one of our beats that still proves a living loop."""
+        """Return the greatest age of an echo of our beats that still proves a living loop."""
         return self.loss_timeout_s + self.allowed_loop_s
 
     @property
     def drift_s(self) -> float:
-        """Margin that the robot adds to a lease before it takes the cloud for stopped."""
+        """Return the margin that the robot adds to a lease before it assumes that the cloud has stopped."""
         return self.lease_s * DRIFT_SHARE + 0.001
 
     @property
     def slower_period_s(self) -> float:
-        """The longer of the two replicas' periods."""
+        """Return the longer of the two replicas' periods."""
         return max(self.robot_period_s, self.cloud_period_s)
 
-    # What else is coupled to the values above. At the default beat period these are the figures that docs name.
+    # Further values derived from those above. At the default beat period these are the figures in the docs.
 
     @property
     def stall_s(self) -> float:
-        """Own steps further apart are a stall of ours, not silence of the link: 2.5 beats, and more than two turns.
+        """Return the longest gap between own steps; a longer one is our stall, not silence of the link.
 
-        Always less than the loss timeout where turns allow it, so that a stall is noticed before it looks like a loss.
+        It is 2.5 beats, and more than two turns. Where turns allow it, it is less than the loss timeout, so that a
+        stall is noticed before it looks like a loss.
         """
         return max(STALL_LEAST_S, min(STALL_BEATS * self.beat_period_s, self.loss_timeout_s / 2))
 
     @property
     def pause_s(self) -> float:
-        """Own steps of the cloud further apart void its lease: many turns, less than a lease where turns allow it."""
+        """Return the gap between own steps of the cloud above which its lease is void.
+
+        It is many turns long, and shorter than a lease where turns allow it.
+        """
         return max(STALL_LEAST_S, min(PAUSE_MOST_S, 0.6 * self.lease_s))
 
     @property
     def robot_live_s(self) -> float:
-        """Silence after which a robot is no longer live, so that another incarnation of it may be served."""
+        """Return the silence after which a robot is no longer live, so that another incarnation may be served."""
         return max(ROBOT_LIVE_LEAST_S, self.loss_timeout_s + 2 * self.beat_period_s)
 
     @property
     def preparing_s(self) -> float:
-        """How long a side may get ready when nothing was lost: nodes, goals, requests and state."""
+        """Return how long a side may take to get ready without a loss: nodes, goals, requests and state."""
         return self.prepare_deadline_s or self.activation_deadline_s
 
     def check(self) -> None:
@@ -141,11 +147,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Rule:
-    """What settings must keep to work together.
+    """A condition that settings must meet to work together.
 
     Attributes:
         path: the setting to change.
-        broken: returns what it must be; "" while all is well.
+        broken: returns what that setting must be; "" if the condition is met.
     """
 
     path: str
@@ -217,7 +223,7 @@ RULES: tuple[Rule, ...] = (
     Rule("settle_for_s", _settle_for),
     Rule("max_message_size", _max_message_size),
 )  # fmt: skip
-"""In order; the first broken one is named."""
+"""Checked in this order; the first broken one is named."""
 
 
 @dataclass(frozen=True)
@@ -226,17 +232,17 @@ class OutputSpec:
 
     Attributes:
         name: identifier of the output.
-        deadline_s: silence that means a fault; 0: not rated, its silence is never judged.
-        period_s: distance of two messages; 0: unknown.
-        while_: when the output is rated; None: always, if `deadline_s` says so.
-        shared: other publishers on the public topic are no fault.
+        deadline_s: silence that means a fault; 0: not rated, silence is never judged.
+        period_s: time between two messages; 0: unknown.
+        while_: when the output is rated; None: always, unless `deadline_s` is 0.
+        shared: other publishers on the public topic are allowed.
         frames: the transforms of the group on /tf; they imply `shared`.
-        of_cloud: of a node with placement Cloud: no replica on the robot, passes by presence and age.
+        of_cloud: its node has placement Cloud: no replica on the robot, passes by presence and age.
         max_age_s: oldest message that passes; 0: `Settings.max_command_age_s`.
         nodes: resource names of the nodes that publish it.
         hot: sides on which all of these nodes stay Active in standby.
-        waits: one of these nodes has used names: its first message comes after the changeover.
-        topic: public topic, by which people know it.
+        waits: one of these nodes has used names, so its first message comes after the changeover.
+        topic: public topic, the name that people know.
         latched: its publisher keeps the last message for late subscribers (transient local).
     """
 
@@ -256,7 +262,7 @@ class OutputSpec:
 
     @property
     def shown(self) -> str:
-        """Return how the output is called in sentences: its topic, else its identifier."""
+        """Return the output's name in messages to people: its topic, else its identifier."""
         return self.topic or self.name
 
     @property
@@ -286,13 +292,13 @@ class OutputSpec:
             raise SettingsError("max_age_s: must be at least 0")
 
     def problem(self) -> str:
-        """Return why its deadline is none; "" when all is well."""
+        """Return why its deadline is not valid; "" if it is."""
         if not self.deadline_s or self.deadline_s > self.period_s:
             return ""
         return f"must exceed the period, {self.period_s * 1e3:g} ms at {1 / self.period_s:g} Hz"
 
     def too_tight(self) -> str:
-        """Return why its deadline may be missed although all is well; "" when it is kept."""
+        """Return why its deadline may be missed although all is well; "" if it can be kept."""
         if not 0 < self.deadline_s < LOOKS_S:
             return ""
         return f"should be at least {LOOKS_S * 1e3:g} ms: a look of the collector may be late"
@@ -306,8 +312,8 @@ class InputSpec:
         name: the topic.
         max_age_s: oldest message that counts as fresh; 0: no limit.
         max_rate_hz: messages above this rate are left out; 0: no limit.
-        min_rate_hz: the agent thins the topic to this rate when the link carries no more; 0: never thinned.
-        priority: what goes first when the link does not carry all.
+        min_rate_hz: the agent thins the topic down to this rate if the link carries no more; 0: never thinned.
+        priority: what goes first if the link cannot carry everything.
         latest: a newer message replaces an older one that has not been sent yet.
     """
 
@@ -327,7 +333,7 @@ class InputSpec:
             raise SettingsError(f"min_rate_hz: must not exceed max_rate_hz, {self.max_rate_hz:g} Hz")
 
     def too_tight(self, settings: Settings) -> str:
-        """Return why its limit is broken on a good link too; "" when it is kept there."""
+        """Return why its limit is broken even on a good link; "" if it can be kept there."""
         least_s = settings.allowed_loop_s + settings.beat_period_s
         if not self.max_age_s or self.max_age_s > least_s:
             return ""
@@ -340,10 +346,10 @@ class NodeSpec:
 
     Attributes:
         name: resource name, the same on both sides (the cloud's replica is called remote_NAME in ROS).
-        duplicated: has a replica on the other side and follows the placement.
+        duplicated: it has a replica on the other side and follows the placement.
         core: without it the robot must not move.
-        lifecycle: is a managed node; others are only started and watched.
-        hot: stays Active while the other side acts (its outputs are held back by the collector or the egress).
+        lifecycle: it is a managed node; others are only started and watched.
+        hot: it stays Active while the other side acts (the collector or the egress holds its outputs back).
         names: private names of its outputs, services and actions on this side; a node without a lifecycle is alive
             only while its process and all of these are seen.
     """

@@ -1,4 +1,4 @@
-"""What all commands share: how errors end a command, and how its examples are shown."""
+"""Shared by all commands: how errors end a command, and how its examples are shown."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ COMPLETE_VARIABLE: Final = "_ROBOT_OFFLOAD_COMPLETE"
 
 
 class Commands(TyperGroup):
-    """A group of commands whose own errors end as lines on standard error and an exit code, never as a traceback.
+    """A group of commands that reports its own errors as lines on standard error and an exit code, not a traceback.
 
     Exit codes: 0 all is well, 1 something ran and a promise was broken, 2 the input is wrong and nothing ran.
     """
 
     def main(self, *args: Any, **extra: Any) -> Any:
-        """Run the command line; the shells that can complete it are made known first."""
+        """Make the shells with completion known, then run the command line."""
         completion_init()
         return super().main(*args, **{"complete_var": COMPLETE_VARIABLE, **extra})
 
@@ -38,7 +38,7 @@ class Commands(TyperGroup):
 
 
 class CommandsWithDefault(Commands):
-    """A group that runs its command `default` when what follows is none of its commands."""
+    """A group that runs its command `default` unless one of its commands follows."""
 
     default = "file"
 
@@ -53,9 +53,9 @@ def commands(text: str, examples: Sequence[str] = (), cls: type[Commands] = Comm
     """Return an empty group of commands.
 
     Args:
-        text: what its `--help` says first.
-        examples: command lines that its `--help` shows.
-        cls: how it finds the command that is meant.
+        text: beginning of its `--help`.
+        examples: command lines shown in its `--help`.
+        cls: how it finds the chosen command.
     """
     return typer.Typer(
         cls=cls,
@@ -69,5 +69,5 @@ def commands(text: str, examples: Sequence[str] = (), cls: type[Commands] = Comm
 
 
 def example_text(examples: Sequence[str]) -> str | None:
-    """Return command lines as the end of a help text, each on its own line."""
+    """Return command lines for the end of a help text, one a line."""
     return "\n".join(["\b", "Examples:", *(f"  {example}" for example in examples)]) if examples else None

@@ -1,4 +1,4 @@
-"""What all commands that talk to a cluster share: options as kubectl has them, one connection, objects by name."""
+"""Shared by all commands that talk to a cluster: options as in kubectl, one connection, objects by name."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ Namespace = Annotated[
 ]
 
 FIELD_MANAGER: Final = "kubectl-offload"
-"""Whose a pin by hand is: a person's, not the operator's."""
+"""Field manager of a pin set by hand, as opposed to the operator's."""
 INSTALL: Final = "helm install robot-offload charts/robot-offload --namespace robot-offload-system --create-namespace"
 NO_KIND: Final = f"the cluster does not know RobotOffload; install it first: {INSTALL}"
 PATIENCE: Final = RetryPolicy(attempts=2, request_timeout_s=10.0)
-"""Somebody waits at the terminal: rather an error soon than an answer late."""
+"""The user waits at the terminal: prefer an early error to a late answer."""
 HURRY: Final = RetryPolicy(attempts=1, request_timeout_s=3.0)
 """For the live numbers, which are welcome but not needed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where to look.
+    """The cluster and namespace of a command.
 
     Attributes:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -59,12 +59,12 @@ class Target:
 
     @property
     def namespace(self) -> str:
-        """The namespace that is meant."""
+        """The namespace given, or else the kubeconfig's."""
         return self.given_namespace or current_namespace(self.kubeconfig, self.context)
 
     @asynccontextmanager
     async def api(self, retry: RetryPolicy = PATIENCE) -> AsyncIterator[KubeApi]:
-        """Provide a connection that ends with the block."""
+        """Provide a connection that is closed at the end of the block."""
         api = connect(self.kubeconfig, self.context, retry, manager=FIELD_MANAGER)
         try:
             yield api
@@ -85,8 +85,8 @@ async def find(api: KubeApi, namespace: str, name: str) -> Manifest:
     """Return the RobotOffload of this name.
 
     Raises:
-        InputError: there is none; the message says what there is.
-        KubeError: the API server refuses or is silent.
+        InputError: it does not exist; the message lists those that do.
+        KubeError: the API server refuses or does not answer.
     """
     found = await api.get(ROBOT_OFFLOAD, namespace, name)
     if found is not None:
@@ -109,7 +109,7 @@ async def find_all(api: KubeApi, namespace: str | None) -> list[Manifest]:
 
 
 def missing(name: str, namespace: str, known: list[str]) -> str:
-    """Return what to say when there is no RobotOffload of this name."""
+    """Return the message for a RobotOffload that does not exist."""
     problem = f"there is no RobotOffload {name} in namespace {namespace}"
     close = difflib.get_close_matches(name, known, n=1)
     if close:
@@ -124,8 +124,8 @@ class Live:
     """The live state of a cloud agent.
 
     Attributes:
-        state: what the agent says; None: it cannot be asked.
-        problem: why it cannot be asked; empty: it was.
+        state: what the agent reports; None: it could not be asked.
+        problem: why it could not be asked; empty: it could.
     """
 
     state: AgentState | None = None

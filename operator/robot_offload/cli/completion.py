@@ -26,7 +26,7 @@ echo ":4" # tells kubectl that files are no answer
 
 
 class Shell(StrEnum):
-    """The shells that are known, and kubectl, which completes its plugins by asking them."""
+    """The supported shells, and kubectl, which calls its plugins for completions."""
 
     BASH = "bash"
     ZSH = "zsh"

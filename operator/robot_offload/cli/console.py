@@ -1,4 +1,4 @@
-"""`robot-offload console`: the page in the browser, over a cluster or a recording."""
+"""`robot-offload console`: the page in the browser, for a cluster or a recording."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _signals(stop: asyncio.Event) -> Iterator[None]:
 
 
 def _recorded(path: Path) -> Source:
-    """Return a recording as a source; reading it is part of the lab.
+    """Return a recording as a source; the lab reads it.
 
     Raises:
         InputError: the lab is not installed, or there is no recording.

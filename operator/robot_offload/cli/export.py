@@ -23,7 +23,7 @@ EXAMPLES = (
     "kubectl offload export wheelchair-7 -o w.yaml && kubectl --context other apply -f w.yaml",
 )
 _KEPT: Final = ("name", "namespace", "labels", "annotations")
-"""What of an object's metadata is the same in another cluster."""
+"""The metadata that stays the same in another cluster."""
 _LEFT_OUT: Final = ("kubectl.kubernetes.io/last-applied-configuration", ORPHANED)
 
 
@@ -76,7 +76,7 @@ async def _read(api: KubeApi, place: str, name: str, home: str) -> list[Manifest
 
 
 def portable(manifest: Manifest) -> Manifest:
-    """Return an object without what belongs to the cluster that it is in."""
+    """Return an object without what belongs to its present cluster."""
     metadata = {key: manifest["metadata"][key] for key in _KEPT if manifest["metadata"].get(key)}
     annotations = {key: text for key, text in metadata.get("annotations", {}).items() if key not in _LEFT_OUT}
     if annotations:

@@ -1,4 +1,4 @@
-"""Files that commands write for a person to edit: one that is there already is not replaced unasked."""
+"""Files that commands write for a person to edit: an existing file is replaced only on request."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from robot_offload.errors import InputError
 
 
 def must_be_new(path: Path | None, *, force: bool) -> None:
-    """Refuse a file that is there already, before anything that takes long.
+    """Refuse an existing file, before anything that takes long.
 
     Raises:
-        InputError: it is there, and nobody said --force.
+        InputError: it exists, and --force was not given.
     """
     if path is not None and path.exists() and not force:
         raise InputError(f"{path} is there already; choose another name, or --force to replace it")
@@ -21,7 +21,7 @@ def write_new(path: Path, text: str, *, force: bool) -> None:
     """Write a file.
 
     Raises:
-        InputError: it is there already and nobody said --force, or it cannot be written.
+        InputError: it exists and --force was not given, or it cannot be written.
     """
     must_be_new(path, force=force)
     try:

@@ -1,4 +1,4 @@
-"""The commands of the lab (`demo`, `simulate`, `bench`), which a package of its own brings: `robot-offload-lab`."""
+"""The commands of the lab (`demo`, `simulate`, `bench`), which has its own package: `robot-offload-lab`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 from robot_offload.errors import InputError
 
 GROUP: Final = "robot_offload.commands"
-"""The entry-point group in which a package names the modules of its commands; each has `add_to(app)`."""
+"""The entry-point group in which a package lists the modules of its commands; each has `add_to(app)`."""
 
 _HELP: Final = {
     "demo": "Run both sides on this machine while the link between them fails.",
@@ -22,10 +22,10 @@ _HELP: Final = {
 
 
 def add_to(app: typer.Typer, name: str) -> None:
-    """Add the command `name`: the lab's where it is installed, else one that says how to install it.
+    """Add the command `name`: the lab's if it is installed, else one that explains how to install it.
 
     Raises:
-        KeyError: `name` is none of the lab's commands.
+        KeyError: `name` is not a command of the lab.
     """
     problem = "which is not installed"
     for found in entry_points(group=GROUP, name=name):

@@ -1,4 +1,4 @@
-"""Commands that are imported when they are used: a command line starts with what it needs and nothing else."""
+"""Commands that are imported when they are used, so that a command line loads only what it needs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EXTRAS: Final = {
     "starlette": "console",
     "uvicorn": "console",
 }
-"""Which extra brings a library that the command line alone goes without."""
+"""The extra that installs each library that the command line itself does not need."""
 NEEDS: Final = {
     "cluster": "talks to a cluster",
     "operator": "talks to a cluster",
@@ -40,9 +40,9 @@ class Entry:
 
     Attributes:
         name: what is typed.
-        module: where its `add_to(app)` is, below `robot_offload.cli`; empty: the lab's.
+        module: where its `add_to(app)` is, below `robot_offload.cli`; empty: in the lab.
         help: the first sentence of its own help.
-        hidden: whether the first page leaves it out.
+        hidden: whether the first page omits it.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Entry:
 
 
 class LazyCommand(TyperCommand):
-    """Stands for a command on the first page and in completions, until it is chosen."""
+    """A placeholder for a command on the first page and in completions, until it is chosen."""
 
     def __init__(self, entry: Entry) -> None:
         super().__init__(entry.name, help=entry.help, hidden=entry.hidden)
@@ -76,7 +76,7 @@ class LazyCommand(TyperCommand):
 
 
 class LazyCommands(Commands):
-    """A group that shows its commands from a table and imports the one that is chosen."""
+    """A group that shows its commands from a table and imports only the chosen one."""
 
     entries: Sequence[Entry] = ()
 
@@ -85,13 +85,13 @@ class LazyCommands(Commands):
         self.commands = {entry.name: LazyCommand(entry) for entry in self.entries}
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Find the command that is meant and import it."""
+        """Find the chosen command and import it."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command.load() if isinstance(command, LazyCommand) else command, rest
 
 
 def without_extra(command: str, error: ModuleNotFoundError) -> Exception:
-    """Return what to raise for a missing library: the next step where an extra brings it, else the error itself."""
+    """Return what to raise for a missing library: the next step if an extra installs it, else the error itself."""
     extra = EXTRAS.get((error.name or "").partition(".")[0])
     if extra is None:
         return error

@@ -11,7 +11,7 @@ from robot_offload.cli.lazy import Entry, LazyCommands
 
 
 class Program(LazyCommands):
-    """The first page. The order is the one in which one meets the commands; groups of commands come last."""
+    """The first page. Commands come in the order in which a user meets them, groups of commands last."""
 
     entries = (
         Entry(
@@ -92,7 +92,7 @@ app = commands(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version  # noqa: PLC0415 - a third of the time of every other command's start
+        from importlib.metadata import version  # noqa: PLC0415 - a third of every other command's start time
 
         typer.echo(f"{PROGRAM} {version(PROGRAM)}")
         raise typer.Exit

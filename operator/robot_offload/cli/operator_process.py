@@ -1,4 +1,4 @@
-"""`robot-offload operator`: the operator's own process. Hidden: the chart starts it, nobody types it."""
+"""`robot-offload operator`: the operator's own process. Hidden, because only the chart starts it."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ def add_to(app: typer.Typer) -> None:
 
 def operator() -> None:
     """Run the operator until it is told to stop."""
-    # Imported only here: the framework under it takes a second that no other command needs.
+    # Imported only here: its framework takes a second to load, and no other command needs it.
     raise typer.Exit(importlib.import_module("robot_offload.handlers").main())

@@ -1,4 +1,4 @@
-"""Which images of ours are meant, where no cluster has said so."""
+"""Default images of our own programs, for when no cluster names them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def default_images() -> Images:
 
 
 def images_in_use(deployments: list[Manifest]) -> Images:
-    """Return the images of a RobotOffload that runs; the default where a Deployment is missing."""
+    """Return the images of a running RobotOffload; the default where a Deployment is missing."""
     default, found = default_images(), dict(_containers(deployments))
     return Images(
         agent=found.get("agent", default.agent),

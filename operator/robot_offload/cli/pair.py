@@ -1,4 +1,4 @@
-"""`robot-offload pair`: robot and workstation without Kubernetes, from the same file that goes to a cluster later."""
+"""`robot-offload pair`: robot and workstation without Kubernetes, from a file that a cluster accepts later."""
 
 from __future__ import annotations
 

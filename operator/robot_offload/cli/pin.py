@@ -23,11 +23,11 @@ EXAMPLES = (
     "kubectl offload pin wheelchair-7 auto -n ward",
 )
 LONGEST_MS: Final = 30 * 24 * 3_600_000
-"""Of a pin with an end: thirty days. Whoever wants more means until it is taken back."""
+"""Longest pin with an end: thirty days. For longer, pin without an end."""
 
 
 class Side(StrEnum):
-    """Where to hold it."""
+    """The side to pin to."""
 
     ROBOT = "robot"
     CLOUD = "cloud"
@@ -69,7 +69,7 @@ def pin(
     async def work(api: KubeApi) -> tuple[Observed, Observed]:
         before = await find(api, place, name)
         body = {
-            # Another object of this name, or one that was changed meanwhile, is not ours to pin.
+            # Another object of this name, or one that was changed meanwhile, must not be pinned.
             "metadata": {"uid": before["metadata"]["uid"], "annotations": {pinned.PINNED_UNTIL: until}},
             "spec": {"switching": {"pin": wanted}},
         }
@@ -80,15 +80,15 @@ def pin(
 
 
 def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
-    """Return the annotation's text for a pin; None: it has no end.
+    """Return the annotation's text for a pin; None: the pin has no end.
 
     Args:
         side: Auto, Robot or Cloud.
-        lasting: how long it holds, as it was given; None: until it is taken back.
+        lasting: how long it holds, as given; None: until it is removed.
         now: the present.
 
     Raises:
-        InputError: `lasting` is none.
+        InputError: `lasting` is not a duration.
     """
     if lasting is None:
         return None
@@ -104,7 +104,7 @@ def end(side: str, lasting: str | None, now: datetime.datetime) -> str | None:
 
 
 def told(before: Observed, after: Observed) -> list[str]:
-    """Return what to say after the change."""
+    """Return the message after the change."""
     if (before.pin, before.pinned_until) == (after.pin, after.pinned_until):
         return [f"{after.name}: the pin is {after.pin} already; nothing was changed"]
     meaning = "the policy decides again" if after.pin == "Auto" else f"held on the {after.pin.lower()}{_until(after)}"

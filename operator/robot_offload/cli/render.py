@@ -1,4 +1,4 @@
-"""`robot-offload render`: writes what is derived from a RobotOffload, to look at or to use without a cluster."""
+"""`robot-offload render`: write what is derived from a RobotOffload, to look at or to use without a cluster."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ def file_command(
         images=default_images(),
         nodes_wanted=not asleep,
         robot_connected=robot_connected,
-        discovery_hosts=discovery.names(offload),  # their addresses are for the cluster to give
+        discovery_hosts=discovery.names(offload),  # the cluster assigns their addresses
     )
     parent = Parent(offload, facts)
-    # As at the very beginning: the Secrets that builds need are there, and no image is.
+    # As at the very beginning: the Secrets that builds need exist, but no image.
     nothing = Before({}, (), frozenset(), datetime.datetime.fromtimestamp(0, datetime.UTC))
     builds = decide(parent, nothing, "").manifests
     manifests = [_without_owner(manifest) for manifest in (*builds, *children(parent))]
@@ -101,7 +101,7 @@ def file_command(
 
 
 def _without_owner(manifest: Manifest) -> Manifest:
-    """Return it without owner reference: one to a missing object would have the cluster delete what is applied."""
+    """Return it without owner reference: with a missing owner, the cluster would delete what is applied."""
     metadata: dict[str, Any] = {key: value for key, value in manifest["metadata"].items() if key != "ownerReferences"}
     return {**manifest, "metadata": metadata}
 

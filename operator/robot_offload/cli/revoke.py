@@ -1,4 +1,4 @@
-"""`robot-offload revoke`: a robot's certificates count no more; the robot needs a new bundle."""
+"""`robot-offload revoke`: invalidate a robot's certificates; the robot then needs a new bundle."""
 
 from __future__ import annotations
 
@@ -65,10 +65,10 @@ def revoke(
 
 
 def refuse_if_not_ours(offload: RobotOffload) -> None:
-    """Refuse where there is nothing that the operator could revoke.
+    """Refuse if there is nothing that the operator could revoke.
 
     Raises:
-        InputError: the message says where to revoke instead.
+        InputError: the message names where to revoke instead.
     """
     name, spec = offload.metadata.name, offload.spec
     if not transport.needs_certificates(spec):

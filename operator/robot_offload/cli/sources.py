@@ -1,4 +1,4 @@
-"""Which specifications are meant: files, folders with files in them, and standard input."""
+"""The specifications to read: files, folders with files in them, and standard input."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Source:
     """One text to read.
 
     Attributes:
-        name: what to call it in messages.
+        name: its name in messages.
         text: its content.
     """
 
@@ -30,12 +30,12 @@ class Source:
 
 
 def sources(names: Sequence[str]) -> list[Source]:
-    """Return the texts that `names` stand for, in their order; those of a folder by name.
+    """Return the texts that `names` stand for, in their order; those of a folder sorted by name.
 
-    A file in a folder counts only if it is about a RobotOffload: other objects may lie beside it.
+    A file in a folder counts only if it holds a RobotOffload: other objects may lie beside it.
 
     Raises:
-        InputError: a file cannot be read, or a folder holds nothing of ours.
+        InputError: a file cannot be read, or a folder holds no RobotOffload.
     """
     return [source for name in names for source in _of(name)]
 

@@ -1,4 +1,4 @@
-"""`robot-offload import`: a first RobotOffload from a robot that runs."""
+"""`robot-offload import`: a first RobotOffload from a running robot."""
 
 from __future__ import annotations
 

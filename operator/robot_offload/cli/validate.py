@@ -1,4 +1,4 @@
-"""`robot-offload validate`: every problem of specifications at once, before anything starts."""
+"""`robot-offload validate`: report every problem of specifications at once, before anything starts."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def add_to(app: typer.Typer) -> None:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Verdict:
-    """What was found in one source.
+    """The result for one source.
 
     Attributes:
         source: its name.
-        offload: what it holds; None: it cannot be used.
-        findings: errors, or the warnings of what can be used.
+        offload: the RobotOffload in it; None: it cannot be used.
+        findings: errors, or the warnings of a usable source.
     """
 
     source: str
@@ -76,7 +76,7 @@ def validate(
 
 
 def judge(source: Source, rules: Sequence[Check]) -> tuple[Verdict, ...]:
-    """Return what there is to say about each object of one source."""
+    """Return a verdict about each object of one source."""
     try:
         value = parse(source.text)
     except YamlError as error:

@@ -1,4 +1,4 @@
-"""What a person can do on a robot's page, as a change of the resource. Pure: the API server decides who may."""
+"""The actions on a robot's page, as changes of the resource. Pure: the API server decides who may do them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from robot_offload.api.v1alpha1.pinned import PINNED_UNTIL, written
 from robot_offload.insight.observed import Observed
 
 TAKE_OVER_S: Final = 60.0
-"""So long the robot keeps what it took over now: longer than a person needs to look, and to pin it for good."""
+"""How long a takeover by hand is kept: longer than a person needs to look, and to pin it for good."""
 
 
 class Want(Enum):
-    """What is wanted."""
+    """The possible actions."""
 
     PIN_ROBOT = "Pin to the robot"
     PIN_CLOUD = "Pin to the cloud"
@@ -27,7 +27,7 @@ class Want(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A wish of a person; `for_s`: how long a pin lasts, None: until it is taken back."""
+    """An action of a person; `for_s`: how long a pin lasts, None: until it is removed."""
 
     want: Want
     for_s: float | None = None
@@ -35,7 +35,7 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Permission:
-    """Whether somebody may do something; `reason`: why not."""
+    """Whether the user may do something; `reason`: why not."""
 
     allowed: bool
     reason: str = ""
@@ -50,8 +50,8 @@ def patch(action: Action, uid: str, now: datetime.datetime) -> dict[str, Any]:
     """Return the merge patch of the RobotOffload with this uid.
 
     Args:
-        action: what is wanted.
-        uid: another object of this name is none of ours.
+        action: to apply.
+        uid: so that another object of the same name is not changed.
         now: the present.
     """
     metadata: dict[str, Any] = {"uid": uid}
@@ -66,7 +66,7 @@ def patch(action: Action, uid: str, now: datetime.datetime) -> dict[str, Any]:
 
 
 def done(action: Action, after: Observed) -> str:
-    """Return what was done, a sentence."""
+    """Return what was done, as a sentence."""
     if action.want in _MODES:
         word = "it decides and never switches" if after.mode == "Observe" else "it switches again"
         return f"{after.name}: mode {after.mode}, {word}; generation {after.generation}"
@@ -78,7 +78,7 @@ def done(action: Action, after: Observed) -> str:
 
 
 def useless(action: Action, observed: Observed | None) -> str:
-    """Return why there is no point in an action now; empty: there is."""
+    """Return why an action would have no effect now; empty: it would have one."""
     if observed is None:
         return "there is no resource to change"
     if action.want in _PINS and action.want is not Want.TAKE_OVER and _PINS[action.want] == observed.pin:

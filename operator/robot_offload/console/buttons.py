@@ -1,4 +1,4 @@
-"""What a person can do on a robot's page, and why not."""
+"""The actions that a person may take on a robot's page, and why not."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Buttons:
         return button, tip
 
     def show(self, observed: Observed | None) -> None:
-        """Show what can be done to the resource as it is now."""
+        """Update the buttons for the resource as it is now."""
         self._observed = observed
         reasons = set()
         for want, (button, tip) in self._made.items():
@@ -77,4 +77,4 @@ class Buttons:
         except RobotOffloadError as error:
             said, colour = str(error), "negative"
         with self._reason:
-            ui.notify(said, type=colour, multi_line=True)  # type: ignore[arg-type]  # one of the words it knows
+            ui.notify(said, type=colour, multi_line=True)  # type: ignore[arg-type]  # one of the accepted words

@@ -1,4 +1,4 @@
-"""A cluster as a source: the resources, what their reporters say, and writes, all as the user of the kubeconfig."""
+"""A cluster as a source: the resources, their reporters, and writes, all as the user of the kubeconfig."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from robot_offload.kube.kinds import ACCESS_REVIEW, EVENT, ROBOT_OFFLOAD
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 
 AGAIN_S: Final = 1.0
-"""After this a watch that broke is tried again."""
+"""Seconds after which a broken watch is retried."""
 IDLE_S: Final = 150.0
-"""The API server sends a bookmark each minute; a watch that is silent for longer is dead."""
+"""The API server sends a bookmark each minute; a watch that is silent for longer than this is dead."""
 EVENTS_S: Final = 10.0
 LOOK_S: Final = 1.0
-"""How often it is looked whether a page is open."""
+"""How often to check whether a page is open."""
 EVENTS: Final = 20
 ALL: Final = Selection()
 
 
 class ClusterSource:
-    """What the API server shows to this user.
+    """What this user may see in the cluster.
 
     Args:
         api: a connection with the user's identity.
-        namespace: None: all namespaces.
+        namespace: to watch; None: all namespaces.
         title: of the pages.
     """
 
@@ -71,7 +71,7 @@ class ClusterSource:
 
     async def may(self, key: Key, action: Action) -> Permission:
         """Ask the API server, which knows the user's roles."""
-        del action  # every one of them patches the resource
+        del action  # every action patches the resource
         attributes = {
             "group": ROBOT_OFFLOAD.group,
             "resource": ROBOT_OFFLOAD.plural,
@@ -145,7 +145,7 @@ class ClusterSource:
     # -- beside them --------------------------------------------------------------------------------------------------
 
     async def _events(self, publish: Publish) -> None:
-        """Read the events of robots whose page is open; who may not read them goes without."""
+        """Read the events of robots whose page is open; a user without that right sees none."""
         while True:
             for namespace in {key.namespace for key, count in self._watched.items() if count > 0}:
                 with contextlib.suppress(KubeError):

@@ -1,4 +1,4 @@
-"""The strips of one robot as options of ECharts: latency with its bound, loss, placement, changeovers. Pure."""
+"""The strips of one robot as options of ECharts: latency with its bound, loss, active side, changeovers. Pure."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from robot_offload.console.live import CLOUD, ROBOT, Changeover, Point
 from robot_offload.console.model import Track
 
 COLOURS: Final = {ROBOT: "#d55e00", CLOUD: "#0072b2", "bound": "#555555", "loss": "#999999"}
-"""Of the palette of Okabe and Ito, whose colours differ for every kind of colour vision."""
+"""From the palette of Okabe and Ito, distinguishable with every kind of colour vision."""
 MIDDLE: Final = "#808080"
-"""Can be read on white and on black."""
+"""Readable on white and on black."""
 FAINT: Final = "#80808040"
 LEAST_S: Final = 10.0
 """A strip is never shorter than this."""
 WINDOW_S: Final = 120.0
 LABELLED_S: Final = 10.0
-"""A shorter stay has no room for its name; its colour and its edges say it."""
+"""A shorter stay has no room for its name; its colour and its edges identify it."""
 SIGNS: Final = {ROBOT: "▲", CLOUD: "☁"}
 NAMES: Final = {ROBOT: "robot acts", CLOUD: "cloud acts"}
 
 
 def strips(track: Track, end_s: float, *, run: bool, window_s: float = WINDOW_S) -> dict[str, Any]:
-    """Return the chart of the stretch that ends at a moment.
+    """Return the chart of the period that ends at a moment.
 
     Args:
         track: of the robot.
         end_s: the right edge, on the source's clock.
-        run: times count from the start of a run; otherwise they are those of the system's clock.
-        window_s: how much is seen.
+        run: times count from the start of a run; otherwise they are the system clock's.
+        window_s: length of the period.
     """
     oldest_s = track.points[0].t_s if track.points else end_s
     start_s = min(max(end_s - window_s, oldest_s), end_s - LEAST_S)

@@ -14,7 +14,7 @@ from robot_offload.console.rows import SPARK_HEIGHT, SPARK_WIDTH, row
 from robot_offload.console.session import Session
 
 UPDATE_S: Final = 0.2
-"""Five updates a second: more than that no eye follows in a table."""
+"""Five updates a second: in a table, the eye does not follow more."""
 NAME_CELL: Final = """
 <q-td :props="props"><a :href="props.row.link" class="console-link">{{ props.value }}</a></q-td>
 """
@@ -29,11 +29,11 @@ SPARK_CELL: Final = f"""
 </q-td>
 """
 _WIDE: Final = {"classes": "console-wide", "headerClasses": "console-wide"}
-"""Left out where the page has only a phone's width."""
+"""Columns hidden on a page as narrow as a phone's."""
 
 
 def _column(name: str, label: str, by: str = "", **more: Any) -> dict[str, Any]:
-    """Return a column that shows the field `name`, and is sorted by the field `by`."""
+    """Return a column that shows the field `name` and is sorted by the field `by`."""
     return {"name": name, "label": label, "field": by or name, "sortable": True, "align": "left", **more}
 
 
@@ -61,7 +61,7 @@ class FleetPage:
         with ui.row().classes("items-center w-full"):
             self._filter = ui.input(label="Filter", placeholder="name, side, reason").props("dense clearable autofocus")
             self._count = ui.label().classes("text-grey").classes("mark-count")
-        # Not ui.table: its order is kept by the server, so that the second of two quick clicks on a column is lost.
+        # Not ui.table: it keeps its order on the server, so the second of two quick clicks on a column is lost.
         table = ui.element("q-table").classes("w-full console-fleet")
         table.props('flat dense hide-pagination row-key=id no-data-label="no RobotOffload yet"')
         table.props.update({"columns": COLUMNS, "rows": [], "rows-per-page-options": [0]})
@@ -76,7 +76,7 @@ class FleetPage:
         ui.timer(UPDATE_S, self.update)
 
     def _row(self, track: Track, now_s: float, now: datetime.datetime) -> dict[str, Any]:
-        """Return one robot's line; it is made anew when something was said, and each second."""
+        """Return one robot's line, renewed at each report and each second."""
         kept = self._kept.get(track.key)
         if kept is None or kept[:2] != (track.version, int(now_s)):
             kept = self._kept[track.key] = (track.version, int(now_s), row(track, now_s, now))

@@ -1,4 +1,4 @@
-"""What both pages share: the head line, the colours, the line that says what is wrong."""
+"""Shared by both pages: the head line, the colours, and the line that names a problem."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STYLE: Final = """
 
 
 class Banner:
-    """A line above the page; there only while something is wrong."""
+    """A line above the page, shown only while there is a problem."""
 
     def __init__(self) -> None:
         self._row = ui.row().classes("w-full p-2 rounded bg-amber-3 text-black items-center").props("role=alert")
@@ -58,7 +58,7 @@ def build(session: Session, title: str) -> None:
 
 
 def serve_nothing_else() -> None:
-    """Answer an unknown address with a page that leads back, in our words."""
+    """Answer an unknown address with our own page, which leads back."""
 
     @app.exception_handler(404)
     async def missing(*_: object) -> object:

@@ -1,7 +1,7 @@
-"""Who may talk to the pages: a browser of this machine that was given the address with the token, and nobody else.
+"""Access to the pages: only for a browser of this machine that was given the address with the token.
 
-Against other users of the machine: the token. Against a web page elsewhere that reaches for this port (DNS rebinding,
-forged requests): the Host header must name the loopback, and an Origin, where there is one, must be ours.
+The token protects against other users of the machine. Against a web page elsewhere that reaches for this port (DNS
+rebinding, forged requests): the Host header must name the loopback, and an Origin, if present, must be ours.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ POLICY_VIOLATION: Final = 1008
 
 
 class Guard:
-    """Lets a request through when it comes from a page of ours.
+    """Pass on requests that come from a page of ours.
 
     Args:
         app: what it protects.
         token: the secret of the address.
-        port: on which the pages are served.
+        port: of the pages.
     """
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:
@@ -71,9 +71,9 @@ class Guard:
         return hmac.compare_digest(token.encode(), self._token.encode())
 
     async def _welcome(self, scope: Scope, send: Send) -> None:
-        """Keep the token in a cookie, so that it stands in no history, and show the page itself."""
+        """Keep the token in a cookie, so that it is not in the browser's history, and show the page itself."""
         rest = [(name, value) for name, value in parse_qsl(scope["query_string"].decode("latin-1")) if name != "token"]
-        # One slash: a path that begins with two would be another host's address.
+        # One slash: a path that begins with two would address another host.
         path = "/" + str(scope["path"]).lstrip("/\\")
         place = f"{path}?{urlencode(rest)}" if rest else path
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
@@ -87,7 +87,7 @@ class Guard:
 
 
 def _all_in(values: list[bytes], known: set[bytes]) -> bool:
-    """Return whether each value of a header, which may come more than once, is a known one."""
+    """Return whether each value of a header, which may be repeated, is a known one."""
     return all(value in known for value in values)
 
 

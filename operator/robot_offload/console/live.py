@@ -1,4 +1,4 @@
-"""What is known of one robot at one moment, whatever it was read from. Values only."""
+"""The state of one robot at one moment, from any source. Values only."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SITES: Final = (ROBOT, CLOUD, UNKNOWN)
 
 @dataclass(frozen=True, slots=True, order=True)
 class Key:
-    """Which RobotOffload: its Kubernetes namespace (empty outside a cluster) and its name."""
+    """A RobotOffload's Kubernetes namespace (empty outside a cluster) and name."""
 
     namespace: str
     name: str
@@ -24,7 +24,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """One replica: its node, its side, its lifecycle state, and how it stands by (Hot, Configured; empty: unknown)."""
+    """One replica: its node, side, lifecycle state, and standby (Hot, Configured; empty: unknown)."""
 
     name: str
     side: str
@@ -42,7 +42,7 @@ class TopicFlow:
         messages: since the start; None: not counted.
         size_bytes: since the start; None: not counted.
         age_ms: of the newest message when it arrived; None: not known.
-        left_out: thinned and refused messages, in words; empty: none, or not counted.
+        left_out: thinned and refused messages, as text; empty: none, or not counted.
     """
 
     topic: str
@@ -54,7 +54,7 @@ class TopicFlow:
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """A goal or a service with calls: its name, how it stands, and the figures in words."""
+    """A goal, or a service with calls: its name, its state, and the figures as text."""
 
     name: str
     state: str
@@ -63,13 +63,13 @@ class Errand:
 
 @dataclass(frozen=True, slots=True)
 class Changeover:
-    """A change of the side in charge.
+    """A change of the active side.
 
     Attributes:
-        t_s: when.
+        t_s: its time.
         to: the side that acts from then on.
         reason, message: why.
-        gap_ms: silence of the consumers around it; None: not known.
+        gap_ms: the consumers' gap around it; None: not known.
     """
 
     t_s: float
@@ -81,10 +81,10 @@ class Changeover:
 
 @dataclass(frozen=True, slots=True)
 class Live:
-    """The agents' word about one robot at one moment.
+    """The agents' report about one robot at one moment.
 
     Attributes:
-        site: the side that acts: robot, cloud or unknown.
+        site: the active side: robot, cloud or unknown.
         reason, message: why, as one word and as a sentence.
         epoch: number of the present changeover.
         connected: whether the robot's agent is heard.
@@ -92,11 +92,11 @@ class Live:
         cut: the link is known to carry nothing.
         loss_share: of the heartbeats of the last seconds, 0 to 1; None: not known.
         p50_ms, p99_ms: the round trip's quantiles; None: not known.
-        last: the last changeover, its moment in seconds before this one (negative); None: not known.
+        last: the last changeover, with its time in seconds before this moment (negative); None: not known.
         nodes, topics, goals, services: as far as the source knows them.
-        state_ages_ms: how old the state was with which the side in charge went on, by name.
+        state_ages_ms: age of the state with which the active side continued, by name.
         numbers: further figures of the robot, name and value, for people.
-        note: what a person should know about how these numbers came; empty: nothing.
+        note: what a person should know about the origin of these numbers; empty: nothing.
     """
 
     site: str = UNKNOWN
@@ -136,7 +136,7 @@ class Bounds:
     """The numbers of the rule that are drawn and named.
 
     Attributes:
-        allowed_ms: loop latency up to which the cloud is worth it; None: not known.
+        allowed_ms: loop latency up to which the cloud is worth using; None: not known.
         loss_timeout_ms: silence that counts as a loss; None: not known.
         hold_down_s: first and longest wait after a loss; None: not known.
     """
@@ -152,7 +152,7 @@ NO_BOUNDS: Final = Bounds()
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A kept word of the agents: scrolled back to."""
+    """A kept report of the agents, to scroll back to."""
 
     t_s: float
     live: Live = field(default_factory=Live)

@@ -1,4 +1,4 @@
-"""The console's memory: events of a source in, what the pages show out. Pure: time comes with the events."""
+"""The console's memory: a source's events in, the pages' content out. Pure: time comes with the events."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from robot_offload.insight.observed import Observed, observe
 POINTS: Final = 6000
 """Twenty minutes of the strips at five points a second."""
 MOMENTS: Final = 1200
-"""The same twenty minutes of tables, one a second."""
+"""The same twenty minutes of tables, at one a second."""
 MOMENT_S: Final = 1.0
 RATE_S: Final = 2.0
-"""Rates of topics are those of the last seconds of this number, at least."""
+"""Rates of topics are averages over at least this many seconds."""
 CHANGEOVERS: Final = 200
 SAME_S: Final = 8.0
-"""A changeover in a report and one that was seen are the same within this time: a report counts for five seconds."""
+"""A reported and an observed changeover within this time are the same: a report counts for five seconds."""
 SILENT_S: Final = 12.0
-"""Live numbers older than this are old, and shown as such."""
+"""Live numbers older than this are shown as old."""
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """A RobotOffload as the source has it, as plain YAML values."""
+    """A RobotOffload as the source has it, in plain YAML values."""
 
     key: Key
     manifest: Mapping[str, Any]
@@ -36,14 +36,14 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Gone:
-    """There is no such RobotOffload any more."""
+    """A RobotOffload no longer exists."""
 
     key: Key
 
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """The agents' word at a moment."""
+    """The agents' report at a moment."""
 
     key: Key
     t_s: float
@@ -52,7 +52,7 @@ class Said:
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """A changeover that the source saw by itself, or whose silence is now known (same moment: replaces)."""
+    """A changeover that the source itself observed, or whose gap is now known (same moment: replaces)."""
 
     key: Key
     changeover: Changeover
@@ -60,7 +60,7 @@ class Switched:
 
 @dataclass(frozen=True, slots=True)
 class Trouble:
-    """Something cannot be read: of one robot, or (None) of the source itself; empty: it can again."""
+    """A robot, or (None) the source itself, cannot be read; empty: it can again."""
 
     key: Key | None
     problem: str
@@ -79,13 +79,13 @@ Event = Declared | Gone | Said | Switched | Trouble | Happened
 
 @dataclass
 class Track:
-    """All that is known of one robot.
+    """Everything known about one robot.
 
     Attributes:
         key: which one.
-        observed: as the API server has it; None: not yet, or there is none.
+        observed: as the API server has it; None: not yet, or it does not exist.
         bounds: the rule's numbers.
-        live: the newest word.
+        live: the newest report.
         heard_s: when it came, on the source's clock; None: never.
         problem: why there are no live numbers; empty: there are.
         points, changeovers, moments: the past, oldest first.
@@ -109,19 +109,19 @@ class Track:
 
     @property
     def site(self) -> str:
-        """The side that acts: the agents' word, else what the resource says."""
+        """The active side: as the agents report, else from the resource."""
         if self.heard_s is not None and not self.problem:
             return self.live.site
         return self.observed.placement.lower() if self.observed else UNKNOWN
 
     def window(self, from_s: float, to_s: float) -> list[Point]:
-        """Return the points of a stretch of time."""
+        """Return the points of a period."""
         first = bisect.bisect_left(self.points, from_s, key=lambda point: point.t_s)
         last = bisect.bisect_right(self.points, to_s, key=lambda point: point.t_s)
         return [self.points[index] for index in range(first, last)]
 
     def at(self, t_s: float) -> Live:
-        """Return the word that held at a moment; the first one before it."""
+        """Return the report that held at a moment, or before them all the first one."""
         index = bisect.bisect_right(self.moments, t_s, key=lambda moment: moment.t_s)
         return self.moments[max(0, index - 1)].live if self.moments else self.live
 
@@ -153,7 +153,7 @@ class Fleet:
 
     Attributes:
         source: what the page is about, for its title.
-        recorded: the past of a recording: nothing comes any more, times count from its start.
+        recorded: whether it is a recording: it has ended, and times count from its start.
         problem: why the source cannot be read now; empty: it can.
         tracks: by key.
         version: grows with every change.
@@ -166,7 +166,7 @@ class Fleet:
     version: int = 0
 
     def take(self, event: Event) -> None:
-        """Take in what has happened."""
+        """Process an event."""
         self.version += 1
         if isinstance(event, Trouble) and event.key is None:
             self.problem = event.problem
@@ -202,7 +202,7 @@ def _take(track: Track, event: Event) -> None:
 def _hear(track: Track, said: Said) -> None:
     live, before = said.live, track.live
     if track.heard_s is not None and said.t_s < track.heard_s:
-        return  # reordered: the newer word holds
+        return  # reordered: the newer report holds
     changed = track.heard_s is not None and live.site != before.site and UNKNOWN not in (live.site, before.site)
     track.live, track.heard_s, track.problem = live, said.t_s, ""
     track.points.append(Point(said.t_s, live.latency_ms, live.p99_ms, live.loss_share, live.site, live.cut))
@@ -216,7 +216,7 @@ def _hear(track: Track, said: Said) -> None:
 
 
 def _learn(track: Track, last: Changeover) -> None:
-    """Take the last changeover of a report: one that was seen gets its silence, one that was not seen is added."""
+    """Merge the last changeover of a report: an observed one gets its gap, an unobserved one is added."""
     seen = track.changeovers[-1] if track.changeovers else None
     if seen is None or last.t_s > seen.t_s + SAME_S:
         track.changeovers.append(last)
@@ -225,7 +225,7 @@ def _learn(track: Track, last: Changeover) -> None:
 
 
 def _known(changeovers: Iterable[Changeover], to: str, t_s: float) -> bool:
-    """Return whether the source has reported this change by itself, a moment before."""
+    """Return whether the source itself reported this change a moment before."""
     return any(each.to == to and abs(each.t_s - t_s) < MOMENT_S for each in changeovers)
 
 

@@ -1,4 +1,4 @@
-"""What another rule would have done: the lab's replay, when the lab is installed. The operator needs no core for it."""
+"""What another rule would have done: the lab's replay, if the lab is installed. The operator needs no core for it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from robot_offload.console.live import Point
 from robot_offload.errors import InputError
 
 GROUP: Final = "robot_offload.console"
-"""The entry-point group in which a package names what it adds to the console."""
+"""The entry-point group in which a package lists what it adds to the console."""
 
 
 class Replay(Protocol):
-    """Judges every rule it knows on a stretch of a link."""
+    """Judges every rule it knows on a period of a link."""
 
     def __call__(self, points: Sequence[Point], switching: Mapping[str, Any]) -> list[dict[str, str]]:
         """Return a row for each rule: rule, cloud (share of time), changes, exposed (time on a bad link), cost.
 
         Raises:
-            InputError: the stretch is too short to judge.
+            InputError: the period is too short to judge.
         """
         ...
 

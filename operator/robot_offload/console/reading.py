@@ -1,4 +1,4 @@
-"""What others wrote (state of an agent, event of the stream, specification), read without trust. Pure."""
+"""Foreign texts (state of an agent, event of the stream, specification), read without trust. Pure."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ TABLES: Final = frozenset({"nodes", "topics", "ages", "goals", "actions", "servi
 """Parts of the robot's report that are shown in tables of their own."""
 MAX_WORD: Final = 120
 _RULE: Final = ("latency", "profile", "heartbeatPeriod", "lossTimeout", "holdDown")
-"""What of spec.switching is drawn; the rest may be of another version."""
+"""The parts of spec.switching that are drawn; the others may be of another version."""
 
 
 class EventError(ValueError):
-    """A line of the stream that is no event of a reporter, or says why there is no state."""
+    """A line of the stream that is not a reporter's event, or that reports why there is no state."""
 
 
 def of_event(data: str) -> tuple[float, Live]:
-    """Return the moment (unix seconds) and the word of one event of the reporter's stream.
+    """Parse one event of the reporter's stream into its moment (unix seconds) and report.
 
     Raises:
-        EventError: the line is unreadable, or the reporter says why it has no state.
+        EventError: the line is unreadable, or reports why there is no state.
     """
     try:
         values = json.loads(data)
@@ -54,10 +54,10 @@ def of_event(data: str) -> tuple[float, Live]:
 
 
 def of_state(state: Mapping[str, Any], robot: object = None) -> Live:
-    """Return the word of an agent's state and of the robot's report beside it.
+    """Build a report from an agent's state and the robot's report beside it.
 
     Raises:
-        EventError: the state is none.
+        EventError: the state cannot be read.
     """
     try:
         parsed = parse_state(json.dumps(state))
@@ -103,7 +103,7 @@ def _nodes(state: AgentState, report: Mapping[str, Any]) -> tuple[NodeState, ...
 
 
 def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]:
-    """Yield what crossed the link: bytes as the cloud counts, messages and what was left out as the robot does."""
+    """Yield what crossed the link: bytes counted by the cloud, messages and thinned ones counted by the robot."""
     counted = dict(part(report, "topics"))
     carried = {one.topic: one for one in state.carried}
     ages = {topic: number(age) for topic, age in part(report, "ages")}
@@ -117,7 +117,7 @@ def _topics(state: AgentState, report: Mapping[str, Any]) -> Iterator[TopicFlow]
 
 
 def _goals(robot: SideNumbers) -> Iterator[Errand]:
-    """Yield the goals of each action: those in flight, and how the others have ended."""
+    """Yield the goals of each action: those in flight, and how the others ended."""
     ended, now = dict(robot.goals), dict(robot.actions)
     for action in dict.fromkeys([*now, *ended]):
         words = [f"{count} {name}" for name, count in zip(OUTCOMES, ended.get(action, ()), strict=False)]
@@ -126,7 +126,7 @@ def _goals(robot: SideNumbers) -> Iterator[Errand]:
 
 
 def _calls(robot: SideNumbers) -> Iterator[Errand]:
-    """Yield the calls that wait for an answer, and what the group's nodes ask of servers outside."""
+    """Yield the calls that wait for an answer, and the calls of the group's nodes to servers outside."""
     for service, count in robot.services:
         yield Errand(f"calls of {service}", f"{count or 'none'} open")
     if robot.used_goals or robot.used_calls:
@@ -135,7 +135,7 @@ def _calls(robot: SideNumbers) -> Iterator[Errand]:
 
 
 def _last(report: Mapping[str, Any]) -> Changeover | None:
-    """Return the last changeover as the robot tells; its moment counts back from the report's."""
+    """Return the last changeover in the robot's report; its time counts back from the report's."""
     said = report.get("changeover")
     said = said if isinstance(said, Mapping) else {}
     ago_s, to = number(said.get("ago_s")), said.get("to")
@@ -157,7 +157,7 @@ def part(report: Mapping[str, Any], name: str) -> list[tuple[str, Any]]:
 
 
 def numbers(report: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the figures of a report that stand in no other table, those of parts with the part's name in front."""
+    """Yield the figures of a report that no other table shows; those of a part are prefixed with its name."""
     for name, value in list(report.items())[:MAX_NUMBERS]:
         label = word(f"{prefix}{name}")
         if not prefix and name in TABLES:
@@ -175,7 +175,7 @@ def numbers(report: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 
 def _processes(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield what each process of the robot's agent has used."""
+    """Yield what each process of the robot's agent used."""
     for name, value in part(report, PROCESSES):
         counts = _counts(value)
         if len(counts) >= 3:
@@ -198,7 +198,7 @@ def number(value: object) -> float | None:
 
 
 def bounds(spec: Mapping[str, Any]) -> Bounds:
-    """Return the rule's numbers of a specification as it is written; none where this version cannot read it."""
+    """Return the rule's numbers of a specification; none if this version cannot read it."""
     written = spec.get("switching") or {}
     try:
         rule = Switching.model_validate({name: written[name] for name in _RULE if name in written})

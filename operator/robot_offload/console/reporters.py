@@ -1,6 +1,6 @@
-"""What the reporters say, through the API server's proxy: a stream for a robot that is looked at, else now and then.
+"""Reports read through the API server's proxy: a stream for a robot whose page is open, else polled.
 
-A fleet is asked in turn, so that two hundred robots cost fifty small requests a second and no reporter more than one
+A fleet is polled in turn: two hundred robots cost fifty small requests a second, and no reporter gets more than one
 every few seconds.
 """
 
@@ -24,9 +24,9 @@ from robot_offload.objects.names import AGENT, child_name
 
 POLLS_PER_S: Final = 50.0
 POLL_S: Final = 2.0
-"""Least time between two questions to one reporter that nobody looks at."""
+"""Least time between two requests to a reporter whose page is closed."""
 AT_ONCE: Final = 16
-"""Questions under way: a slow reporter delays the others only when so many are slow."""
+"""Requests in flight: slow reporters delay the others only if this many are slow."""
 AGAIN_S: Final = 1.0
 IDLE_S: Final = 20.0
 """A stream brings something each second, and a comment every 15 s."""
@@ -35,12 +35,12 @@ OLDER: Final = "the reporter is older and offers no stream; its state is asked f
 
 
 class Reporters:
-    """The words of all reporters.
+    """Reads all reporters.
 
     Args:
         api: a connection with the user's identity.
-        there: the robots there are; somebody else keeps it.
-        watched: how many pages of each robot are open; somebody else keeps it.
+        there: the existing robots; the caller keeps it current.
+        watched: how many pages of each robot are open; the caller keeps it current.
     """
 
     def __init__(self, api: KubeApi, there: Mapping[Key, Manifest], watched: Counter[Key]) -> None:
@@ -52,7 +52,7 @@ class Reporters:
         self._asked: set[Key] = set()
 
     async def run(self, publish: Publish) -> None:
-        """Follow and ask until cancelled."""
+        """Stream and poll until cancelled."""
         loop = asyncio.get_running_loop()
         due_s: dict[Key, float] = {}
         async with asyncio.TaskGroup() as tasks:
@@ -116,7 +116,7 @@ class Reporters:
 
 
 def problem(error: KubeError, key: Key) -> str:
-    """Return why there are no live numbers, in words for people; shown is then what the resource says."""
+    """Return why there are no live numbers, for people; the page then shows the resource."""
     if isinstance(error, ForbiddenError):
         return f"you may not get services/proxy in namespace {key.namespace}; shown is the resource's status"
     if isinstance(error, UnreachableError):

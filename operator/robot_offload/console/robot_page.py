@@ -1,4 +1,4 @@
-"""The page of one robot: why it acts where it acts, live and scrolled back."""
+"""The page of one robot: which side acts and why, live and scrolled back."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_offload.errors import InputError
 from robot_offload.insight.staying import Stay, staying
 
 UPDATE_S: Final = 0.1
-"""A change is on the screen within this after it is known; without one nothing is sent."""
+"""A change is on the screen within this time; without one nothing is sent."""
 TABLES_S: Final = 0.5
 """Tables of numbers are read, not watched."""
 STEP_S: Final = 10.0
@@ -26,7 +26,7 @@ STEP_S: Final = 10.0
 
 
 class Shown:
-    """A table that is sent to the browser only when it differs."""
+    """A table that is sent to the browser only when it changes."""
 
     def __init__(self, title: str, labels: dict[str, str], empty: str) -> None:
         with ui.card().classes(f"w-full p-3 gap-1 mark-{title.partition(' ')[0]}").props("flat bordered"):
@@ -227,7 +227,7 @@ class RobotPage:
 
 
 def line(live: Live) -> str:
-    """Return the link in one line."""
+    """Return the link as one line."""
     if live is NOTHING:
         return ""
     parts = [f"changeover {live.epoch}"] if live.epoch else []
@@ -241,7 +241,7 @@ def line(live: Live) -> str:
 
 
 def stay(track: Track, live: Live) -> Stay:
-    """Return what `insight` needs to say why the cloud does not act."""
+    """Return what `insight` needs to explain why the cloud does not act."""
     known, observed = live is not NOTHING, track.observed
     return Stay(
         site=live.site if known else (observed.placement.lower() if observed else UNKNOWN),

@@ -1,4 +1,4 @@
-"""The fleet's table as plain values, one row a robot: what is shown, and what is sorted by. Pure."""
+"""The fleet's table as plain values, one row a robot: shown values and sort keys. Pure."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ SPARK_S: Final = 120.0
 SPARK_WIDTH: Final = 120
 SPARK_HEIGHT: Final = 24
 SPARK_POINTS: Final = 60
-"""One for each two seconds: the eye sees no more on so little room."""
+"""One for each two seconds: more would not be visible on so little room."""
 PLACES: Final = {ROBOT: "▲ Robot", CLOUD: "☁ Cloud"}
-"""A sign as well as a word: nobody needs to tell colours apart."""
+"""A sign as well as a word, so that colours need not be told apart."""
 SORTED_LAST: Final = 1e12
 
 
@@ -101,7 +101,7 @@ def _ready(track: Track) -> str:
 
 
 def _since_s(track: Track, now_s: float, now: datetime.datetime) -> float:
-    """Return for how long the side has acted, or else the robot's connection has been as it is."""
+    """Return for how long the side has acted, or else how long the robot's connection has been as it is."""
     if track.changeovers:
         return max(0.0, now_s - track.changeovers[-1].t_s)
     try:

@@ -26,14 +26,14 @@ from robot_offload.errors import InputError
 HOST: Final = "127.0.0.1"
 ICON: Final = "🤖"
 RECONNECT_S: Final = 10.0
-"""A tab that was asleep for less comes back to the same page."""
+"""A tab that slept for less than this comes back to the same page."""
 
 
 def listener(port: int) -> socket.socket:
-    """Return a socket on the loopback; port 0: a free one.
+    """Open a socket on the loopback; port 0: a free one.
 
     Raises:
-        InputError: somebody else listens there.
+        InputError: another program listens there.
     """
     found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -46,12 +46,12 @@ def listener(port: int) -> socket.socket:
 
 
 def address(port: int, token: str) -> str:
-    """Return what a person opens."""
+    """Return the address that a person opens."""
     return f"http://{HOST}:{port}/?token={token}"
 
 
 class _Server(uvicorn.Server):
-    """Leaves signals to whoever runs it."""
+    """A server that leaves signals to its caller."""
 
     def capture_signals(self) -> contextlib.AbstractContextManager[None]:  # type: ignore[override]
         """Capture nothing."""
@@ -62,10 +62,10 @@ async def serve(source: Source, port: int, ready: Callable[[str], None], stop: a
     """Serve the pages until `stop` is set.
 
     Args:
-        source: what they show.
+        source: of the pages.
         port: 0: a free one.
-        ready: is called with the address once it answers.
-        stop: ends it.
+        ready: called with the address once it answers.
+        stop: ends the server.
 
     Raises:
         InputError: the port is taken.
@@ -93,7 +93,7 @@ async def serve(source: Source, port: int, ready: Callable[[str], None], stop: a
         ws="websockets-sansio",
         timeout_graceful_shutdown=1,
         lifespan="on",
-        ws_per_message_deflate=False,  # on the loopback packing costs more than it saves
+        ws_per_message_deflate=False,  # on the loopback compression costs more than it saves
     )
     server = _Server(config)
     running = asyncio.create_task(server.serve(sockets=[listening]))
@@ -112,7 +112,7 @@ async def serve(source: Source, port: int, ready: Callable[[str], None], stop: a
 
 
 def _pages(session: Session) -> None:
-    """Report what stands at which address."""
+    """Register the pages by address."""
     pages.on_startup(session.start)
     pages.on_shutdown(session.stop)
     frame.serve_nothing_else()

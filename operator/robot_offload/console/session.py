@@ -1,4 +1,4 @@
-"""One running console: its source, its memory, and the task that feeds one from the other."""
+"""One running console: its source, its memory, and the task that feeds the memory."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from robot_offload.errors import RobotOffloadError
 
 
 class Session:
-    """What all tabs of a console share.
+    """Shared by all tabs of a console.
 
     Args:
-        source: where everything comes from.
+        source: of all events.
 
     Attributes:
-        fleet: what is known.
-        dark: whether new pages are dark; None: as the system is.
+        fleet: the memory.
+        dark: whether new pages are dark; None: as the system.
     """
 
     def __init__(self, source: Source) -> None:
@@ -34,17 +34,17 @@ class Session:
         return datetime.datetime.now(datetime.UTC).timestamp()
 
     async def start(self) -> None:
-        """Begin to feed."""
+        """Start feeding."""
         self._task = asyncio.create_task(self._feed(), name="source")
 
     async def stop(self) -> None:
-        """End the feeding."""
+        """Stop feeding."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
 
     def publish(self, event: Event) -> None:
-        """Take in what has happened."""
+        """Process an event."""
         self.fleet.take(event)
 
     async def _feed(self) -> None:

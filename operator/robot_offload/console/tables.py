@@ -1,4 +1,4 @@
-"""The small tables of one robot's page as plain values. Pure: what is there is shown, what is not known says so."""
+"""The small tables of one robot's page as plain values. Pure: unknown values are marked as such."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STATES: Final = {"active": "● active", "inactive": "○ inactive", "unconfigur
 
 
 def nodes(track: Track, live: Live) -> list[Row]:
-    """Return a line for each replica: what is declared of it, and its lifecycle state on each side."""
+    """Return a line for each replica: its declaration, and its lifecycle state on each side."""
     declared = {str(node.get("name")): node for node in _listed(track.manifest.get("spec") or {}, "nodes")}
     found = {(node.name.removeprefix("remote_"), node.side): node for node in live.nodes}
     ready = {node.name: node for node in track.observed.nodes} if track.observed else {}
@@ -103,7 +103,7 @@ def conditions(track: Track, now: datetime.datetime) -> list[Row]:
 
 
 def endpoints(track: Track) -> list[Row]:
-    """Return where the robot reaches the cloud."""
+    """Return the addresses at which the robot reaches the cloud."""
     return [
         {"purpose": each.purpose, "address": f"{each.host}:{each.port}/{each.protocol}"}
         for each in (track.observed.endpoints if track.observed else ())

@@ -1,1 +1,1 @@
-"""Brings the cluster to what one RobotOffload declares: observe, decide, apply, publish. The only room that writes."""
+"""Brings the cluster to what one RobotOffload declares: observe, decide, apply, publish. Only this package writes."""

@@ -1,4 +1,4 @@
-"""Asks whether the admission policy is in force, for objects that may have been written without it."""
+"""Checks whether the admission policy is in force, for objects that may have been written without it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from robot_offload.kube.kinds import ADMISSION_BINDING, ADMISSION_POLICY
 from robot_offload.kube.port import KubeApi, Manifest
 
 KNOWN_S: Final = 60.0
-"""Seconds for which the policy is taken for what it was."""
+"""Seconds for which a reading of the policy is reused."""
 
 
 class NotAdmittedError(SpecError):
-    """Nobody has judged whether the writer of an object may ask for what it names."""
+    """No policy has checked whether the writer of an object may ask for what it names."""
 
 
 class Admission:
-    """What is known of the admission policy.
+    """The admission policy as last read.
 
     Attributes:
         name: of the policy and of its binding; empty: objects are not checked.
@@ -34,11 +34,11 @@ class Admission:
         self._until_s = float("-inf")
 
     async def check(self, raw: Manifest, offload: RobotOffload, source: str) -> None:
-        """Refuse an object that nobody has judged.
+        """Refuse an object that the policy has not judged.
 
         Raises:
-            NotAdmittedError: it asks for what the policy guards, and may have been written without the policy.
-            KubeError: the API server refuses or is silent.
+            NotAdmittedError: the object asks for what the policy guards, and may have been written without the policy.
+            KubeError: the API server refuses or does not answer.
         """
         if not self.name or not admission.asks(offload):
             return

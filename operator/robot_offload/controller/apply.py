@@ -1,4 +1,4 @@
-"""Writes what a plan says, in its order, and goes on after a refusal that concerns one object only."""
+"""Carries out a plan in its order; a refusal that concerns only one object does not end it."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from robot_offload.kube.kinds import CERTIFICATE, DEPLOYMENT, JOB, ROLE_BINDING,
 from robot_offload.kube.port import KubeApi, Manifest
 
 AT_ONCE: Final = 8
-"""Writes of one pass that are under way at the same time."""
+"""Concurrent writes of one pass."""
 _NO_USE_TO_GO_ON: Final = (UnreachableError, TooManyError, UnauthorizedError)
 _WAVES: Final = ((ROLE_BINDING,), (DEPLOYMENT, STATEFUL_SET, JOB))
-"""What waits for everything before it. The API server looks up the Role of a RoleBinding. What pods come from is
-written last: policies, rights and files are there when they start."""
+"""Kinds that are written after everything before them. The API server looks up the Role of a RoleBinding. Owners of
+pods are written last: policies, rights and files exist when the pods start."""
 ADDED: Final = "All fields of ours are as declared, and others have added to the objects"
 _Step = TypeVar("_Step")
 
 
 @dataclass(slots=True)
 class Applied:
-    """What became of one plan, or of all plans of a pass.
+    """The result of one plan, or of all plans of a pass.
 
     Attributes:
         errors: refusals, in order.
         obstacles: children that could not be tried.
-        stopped: whether the rest was left out, because the API server is in trouble.
+        stopped: whether the rest was left out because the API server is in trouble.
         writes: how many writes succeeded.
-        additions: what others have added to children, in words.
+        additions: what others added to children, in words.
     """
 
     errors: list[KubeError] = field(default_factory=list)
@@ -59,14 +59,14 @@ class Applied:
 
     @property
     def recheck_s(self) -> float | None:
-        """Return the seconds after which a new attempt may succeed though nothing happens; None: an event tells."""
+        """Return the seconds after which a new attempt may succeed without an event; None: an event will come."""
         return min((one.recheck_s for one in self.obstacles if one.recheck_s is not None), default=None)
 
     @property
     def verdict(self) -> Verdict:
-        """Return whether all children are as declared, for the condition ResourcesApplied."""
+        """Return whether all children are as declared (condition ResourcesApplied)."""
         if self.obstacles and not self.errors and all(one.reason == WAITING for one in self.obstacles):
-            # What runs is complete and in order; only its next version is not there yet.
+            # What runs is complete and in order; only its next version is still missing.
             return yes("WaitingForTurn", "; ".join(one.message for one in self.obstacles))
         messages = [obstacle.message for obstacle in self.obstacles] + [str(error) for error in self.errors]
         if self.obstacles:
@@ -79,7 +79,7 @@ class Applied:
         return yes("Applied", "All objects in the cluster are as declared")
 
     def add(self, other: Applied) -> None:
-        """Take in what became of a further plan."""
+        """Add the result of a further plan."""
         self.errors += other.errors
         self.obstacles += other.obstacles
         self.stopped = self.stopped or other.stopped
@@ -92,7 +92,7 @@ async def carry_out(
 ) -> Applied:
     """Carry out a plan; bring `store`, `live` and `history` up to date.
 
-    What stands in one line of the plan's order is written at once: an object waits for one answer instead of twenty.
+    Kinds on one line of the plan's order are written at once: an object waits for one answer instead of twenty.
     """
     done = Applied(obstacles=list(plan.obstacles), additions=list(plan.additions))
 
@@ -116,7 +116,7 @@ async def carry_out(
 
 
 def _in_waves(steps: Sequence[Apply]) -> list[list[Apply]]:
-    """Return the steps in groups, each of which needs that the ones before it were written."""
+    """Group the steps so that each group needs only those before it to be written."""
     waves: list[list[Apply]] = [[] for _ in range(len(_WAVES) + 1)]
     for step in steps:
         kind = kind_of(step.manifest)
@@ -130,7 +130,7 @@ async def _all(
     about: Callable[[_Step], Manifest],
     done: Applied,
 ) -> None:
-    """Make writes that need nothing of each other; their errors are noted in the order of the steps."""
+    """Make independent writes; record their errors in the order of the steps."""
     may = asyncio.Semaphore(AT_ONCE)
 
     async def one(step: _Step) -> None:
@@ -154,8 +154,8 @@ async def _all(
 async def _write(api: KubeApi, step: Apply) -> Manifest:
     """Apply a child.
 
-    A Secret that is not there is created instead: a write of a leader that has lost its Lease may arrive late, and an
-    apply would then put its authority in place of the one that robots were given meanwhile.
+    A missing Secret is created instead: a late write of a leader that has lost its Lease could otherwise replace the
+    authority that robots were given meanwhile.
     """
     if not step.uid and kind_of(step.manifest) == SECRET:
         return await api.create(step.manifest)
@@ -163,7 +163,7 @@ async def _write(api: KubeApi, step: Apply) -> Manifest:
 
 
 def _explained(error: KubeError, manifest: Manifest) -> KubeError:
-    """Return an error with what helps against it, as far as that depends on the object."""
+    """Return an error with its remedy, if that depends on the object."""
     if kind_of(manifest) != CERTIFICATE or not isinstance(error, NotFoundError | ForbiddenError):
         return error
     help_text = (

@@ -27,12 +27,12 @@ class Authorities:
     """The authorities of one pass.
 
     Args:
-        tools: what every pass works with.
-        subject: whose pass it is.
-        memory: what is remembered of it.
+        tools: shared by all passes.
+        subject: of the pass.
+        memory: of the subject.
         observer: reads for this pass.
         snapshot: what was read beside the robot.
-        note: is given what became of each write.
+        note: receives the result of each write.
     """
 
     def __init__(
@@ -55,17 +55,17 @@ class Authorities:
         self._live: dict[Key, Manifest] = {}
 
     def known(self) -> list[tuple[str, str]]:
-        """Return uid and version of those that the watch has brought."""
+        """Return uid and version of those known from the watch."""
         entries = [self._tools.store.entry(SECRET, self._home, name) for name in self._names.values()]
         return [(entry.uid, entry.version) for entry in entries if entry is not None]
 
     def preread(self) -> dict[Role, Manifest | None]:
-        """Return them as they were read when the operator started, as far as they still are so."""
+        """Return them as read at the operator's start, if they have not changed since."""
         take = self._tools.preread.take
         return {role: take(self._tools.store, self._home, name) for role, name in self._names.items()}
 
     async def read(self) -> dict[Role, Manifest | None]:
-        """Read them from the API server: the store keeps no keys."""
+        """Read them from the API server, because the store keeps no keys."""
         found = await asyncio.gather(*(self._tools.api.get(SECRET, self._home, name) for name in self._names.values()))
         self._live = {key_of(one): one for one in found if one is not None}
         uid = self._subject.uid
@@ -75,7 +75,7 @@ class Authorities:
         }
 
     async def apply(self, wanted: Iterable[Manifest]) -> Applied:
-        """Write those that differ from what was read."""
+        """Write those that differ from the ones read."""
         history, clock = self._memory.authorities, self._tools.clock
         steps = plan(wanted, self._live, self._subject.uid, history=history, now_s=clock.steady_s())
         applied = await carry_out(self._tools.api, self._tools.store, steps, self._live, history, clock)
@@ -83,15 +83,15 @@ class Authorities:
         return applied
 
     def identity(self) -> str:
-        """Return the uid by which the robot knows its cloud; empty: that of the RobotOffload."""
+        """Return the uid by which the robot knows its cloud; empty: the RobotOffload's uid."""
         name = self._names["server-ca"]
         known = self._live.get((SECRET, name)) or self._tools.store.get(SECRET, self._home, name)
         return authorities.identity_of(known)
 
     async def adopt(self, parent: Parent) -> bool:
-        """Go on with the keys of an earlier RobotOffload of this name; return whether there were any.
+        """Adopt the keys of an earlier RobotOffload of this name; return whether there were any.
 
-        Only where there are none of its own yet. The earlier Secrets go once all is copied: a key is in one place.
+        Only if this one has no keys yet. The earlier Secrets are deleted once all is copied: a key is in one place.
         """
         if not self._tools.policy.adopt:
             return False
@@ -125,9 +125,9 @@ class Authorities:
         return await self._tools.api.list(SECRET, self._home, authorities.LABELS)
 
     async def take_over(self, parent: Parent) -> frozenset[Key]:
-        """Copy what an earlier version has kept beside the robot; return the Secrets there that must stay.
+        """Copy what an earlier version kept beside the robot; return the Secrets there that must stay.
 
-        Only of a RobotOffload that an operator has dealt with before: beside a new one they are somebody else's.
+        Only for a RobotOffload that an operator has handled before; the Secrets beside a new one have another owner.
         """
         former = authorities.former_keys(parent.name)
         uid = self._subject.uid

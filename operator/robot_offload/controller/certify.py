@@ -33,16 +33,16 @@ _log = structlog.get_logger("robot_offload.controller")
 
 @dataclass(frozen=True, slots=True)
 class Secrets:
-    """What the first wave has led to.
+    """The result of the first wave.
 
     Attributes:
         verdict: for the condition CertificatesReady.
-        kept: Secrets that the third wave leaves alone.
-        hash: of the cloud's certificate; empty: there is none.
-        recheck_s: seconds until one of them is to be renewed; None: never.
-        issuer: objects that ask the user's own issuer for certificates.
-        answer: to the robot's request for a certificate; None: it has none.
-        ends: serial numbers and ends of the leaves, as the status names them.
+        kept: Secrets that the third wave must not change.
+        hash: of the cloud's certificate; empty: it does not exist.
+        recheck_s: seconds until the first renewal; None: never.
+        issuer: objects that request certificates from the user's own issuer.
+        answer: to the robot's request for a certificate; None: there is no request.
+        ends: serial numbers and ends of the leaves, as in the status.
     """
 
     verdict: Verdict
@@ -58,9 +58,9 @@ class Certifying:
     """The first wave of one pass.
 
     Args:
-        tools: what every pass works with.
-        subject: whose pass it is.
-        memory: what is remembered of it.
+        tools: shared by all passes.
+        subject: of the pass.
+        memory: of the subject.
         observer: reads for this pass.
         snapshot: what was read.
         apply: writes beside the robot.
@@ -92,7 +92,7 @@ class Certifying:
         keys = certificates.secret_keys(parent.name)
         kept = await self._authorities.take_over(parent) | frozenset(keys.values())
         if not transport.needs_certificates(parent.spec):
-            # What robots carry in their bundles stays good while somebody tries another transport.
+            # The bundles of robots stay valid while the user tries another transport.
             return Secrets(yes("NotNeeded", "This transport uses no certificates"), kept)
         revoke = self._subject.annotation(certificates.REVOKE)
         asked = state.certificate.request if state is not None else ""
@@ -109,7 +109,7 @@ class Certifying:
             role: self._snapshot.ours(*key, self._subject.uid) for role, key in keys.items()
         }
         if parent.spec.transport.certificates.issuer_ref is not None:
-            # The leaves are cert-manager's then; our authorities stay for whoever only tries an issuer.
+            # The leaves are then cert-manager's; our authorities stay, as the user may only be trying an issuer.
             content = certificates.content_hash(leaves["cloud"])
             return Secrets(
                 issuer.verdict(leaves),
@@ -127,16 +127,16 @@ class Certifying:
         for role, why in issued.made:
             _log.info("Made certificate", **self._subject.words, role=role, reason=why.reason)
         applied = await self._authorities.apply(issued.authorities)
-        if applied.complete:  # a leaf of an authority that is not kept would be worthless
+        if applied.complete:  # a leaf would be worthless if its authority is not stored
             applied = await self._apply(issued.leaves)
         if not applied.complete:
-            # What is not kept must not be handed out: the next pass would sign another one.
+            # A certificate that is not stored must not be handed out: the next pass would sign another one.
             content = certificates.content_hash(self._snapshot.ours(*keys["cloud"], self._subject.uid))
             return Secrets(applied.verdict, kept, content)
         return self._noted(issued, asked, kept)
 
     def _as_preread(self, parent: Parent, asked: str) -> certificates.Issued | None:
-        """Return what follows from the Secrets as they were read at the start; None: something is to be done."""
+        """Return the result from the Secrets as read at the start; None: something is to be done."""
         uid, take = self._subject.uid, self._preread.take
         live = self._authorities.preread()
         for role, (_, name) in certificates.secret_keys(parent.name).items():
@@ -151,7 +151,7 @@ class Certifying:
         return None if issued.made or issued.answer or steps.touched or steps.obstacles else issued
 
     def _noted(self, issued: certificates.Issued, asked: str, kept: frozenset[Key]) -> Secrets:
-        """Remember what was found, so that the next pass reads no keys."""
+        """Remember the result, so that the next pass reads no keys."""
         leaves: dict[certificates.Role, Manifest | None] = dict(zip(certificates.LEAVES, issued.leaves, strict=True))
         keys = certificates.secret_keys(self._subject.name)
         based_on = self._based_on(keys.values(), self._subject.annotation(certificates.REVOKE), asked)
@@ -161,7 +161,7 @@ class Certifying:
         return Secrets(issued.verdict, kept, content, issued.recheck_s, answer=issued.answer, ends=ends)
 
     def _based_on(self, keys: Iterable[Key], revoke: str, asked: str) -> object:
-        """Return all that the certificates follow from; None: the store does not know."""
+        """Return everything on which the certificates depend; None: the store does not know."""
         entries = [self._store.entry(kind, self._subject.namespace, name) for kind, name in keys]
         known = [(entry.uid, entry.version) for entry in entries if entry is not None]
         signing = self._authorities.known()
@@ -171,12 +171,12 @@ class Certifying:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What is known of the certificates in the end.
+    """The final judgement of the certificates.
 
     Attributes:
         verdict: for the condition CertificateCurrent.
         shown: for the status.
-        recheck_s: seconds after which the verdict changes by itself; None: never.
+        recheck_s: seconds after which the verdict changes without an event; None: never.
     """
 
     verdict: Verdict
@@ -185,7 +185,7 @@ class Judged:
 
 
 def judge(offload: RobotOffload, secrets: Secrets, robot: presented.Presented | None, now: datetime.datetime) -> Judged:
-    """Return what is known of the certificates; `robot` is what the robot dials with."""
+    """Judge the certificates; `robot` is the certificate with which the robot dials."""
     if not transport.needs_certificates(offload.spec):
         return Judged(yes("NotNeeded", "This transport uses no certificates"))
     margin = datetime.timedelta(milliseconds=offload.spec.transport.certificates.renew_before_ms)

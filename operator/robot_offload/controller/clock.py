@@ -14,7 +14,7 @@ def _wall() -> datetime.datetime:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where time comes from.
+    """The source of time.
 
     Attributes:
         steady_s: seconds that never step; for every decision that waits.

@@ -1,4 +1,4 @@
-"""What a step that broke off means for the status: every error ends in a condition with its text and the next step."""
+"""What a failed step means for the status: every error becomes a condition with its text and the next step."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Step(enum.Enum):
 
 
 def verdict_of(error: Exception, step: Step) -> Verdict:
-    """Return what a broken step means for the condition ResourcesApplied."""
+    """Return what a failed step means for the condition ResourcesApplied."""
     if isinstance(error, KubeError):
         return no(error.reason, f"{error} (while the operator {step.value})")
     if isinstance(error, RobotOffloadError):
-        # An error of our own tree names what is wrong with the specification and what to write instead.
+        # A RobotOffloadError names what is wrong with the specification and what to write instead.
         return no("CannotRender", f"{error} (while the operator {step.value}); correct spec")
     return unknown(
         "OperatorBug",

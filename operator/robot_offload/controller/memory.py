@@ -1,4 +1,4 @@
-"""What the controller remembers of an object between two passes. Losing it costs requests, never correctness."""
+"""The controller's memory of an object between two passes. Losing it costs requests, never correctness."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from robot_offload.decide.verdicts import Verdict
 
 EVENTS_AT_ONCE: Final = 25
 EVENT_EVERY_S: Final = 300.0
-"""How many Events one object may post: the limits of client-go (defaultSpamBurst, defaultSpamQPS)."""
+"""Limit of Events for one object, from client-go (defaultSpamBurst, defaultSpamQPS)."""
 
 
 @dataclass(slots=True)
 class Allowance:
-    """A bucket of tokens: so many at once, and one more after each period.
+    """A token bucket: a first amount, and one more token after each period.
 
     Attributes:
         left: tokens in the bucket.
@@ -42,15 +42,15 @@ class Allowance:
 
 @dataclass(frozen=True, slots=True)
 class Certified:
-    """What the Secrets with certificates were last found to be, so that keys are not read in every pass.
+    """The last result for the Secrets with certificates, so that not every pass reads keys.
 
     Attributes:
         based_on: generation, revocation, the robot's request and the versions of the Secrets.
         verdict: for the condition CertificatesReady.
         hash: of the cloud's certificate.
-        renewal_s: when the first of them is to be renewed, on the steady clock.
-        answer: to the robot's request; None: it has none.
-        ends: serial numbers and ends of the leaves, as the status names them.
+        renewal_s: time of the first renewal, on the steady clock.
+        answer: to the robot's request; None: there is no request.
+        ends: serial numbers and ends of the leaves, as in the status.
     """
 
     based_on: object
@@ -63,22 +63,22 @@ class Certified:
 
 @dataclass(slots=True)
 class Memory:
-    """What is remembered of one RobotOffload, by its uid.
+    """The memory of one RobotOffload, by its uid.
 
     Attributes:
-        uid: whose memory it is; another uid under the same name starts anew.
-        history: what earlier passes have learnt about the children.
-        authorities: the same about the Secrets in the operator's namespace.
+        uid: of the RobotOffload; another uid under the same name starts anew.
+        history: what earlier passes learnt about the children.
+        authorities: the same for the Secrets in the operator's namespace.
         sighting: the robot's Lease.
-        configs: the ConfigMaps of users that it reads, by name.
-        lease: what the robot's Lease said when it was last read (`presence.meaning`); None: there was none.
-        unchanged: what the last full pass was made of; None: it left something to do.
+        configs: the users' ConfigMaps that it reads, by name.
+        lease: the meaning of the robot's Lease when it was last read (`presence.meaning`); None: it did not exist.
+        unchanged: the input of the last full pass; None: it left something to do.
         due_s: when time alone may change something, on the steady clock.
-        however_s: the same, however the robot's Lease moves meanwhile.
-        secrets: what the certificates were decided from, and what came of it.
-        status: what the metrics need of the status as it was last seen or written (`summary`).
-        refusals: what the API server refused for good in the last pass; the same again is not worth a retry.
-        failures: passes in a row that a step has broken off.
+        however_s: the same, whether or not the robot's Lease moves meanwhile.
+        secrets: input and result of the decision about certificates.
+        status: the part of the last seen or written status that the metrics need (`summary`).
+        refusals: what the API server refused for good in the last pass; a repetition is not worth a retry.
+        failures: failed passes in a row.
         events: how many more Events may be posted.
     """
 
@@ -99,7 +99,7 @@ class Memory:
 
 
 def summary(status: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the few words of a status that are kept: whole ones of hundreds of objects would be megabytes."""
+    """Return the few entries of a status that are kept: whole ones of hundreds of objects would be megabytes."""
     return {
         "placement": status.get("placement"),
         "robot": {"connected": bool((status.get("robot") or {}).get("connected"))},

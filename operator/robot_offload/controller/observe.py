@@ -1,4 +1,4 @@
-"""Reads what the cluster has of one RobotOffload. Reads only."""
+"""Reads the cluster's objects of one RobotOffload. Reads only."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.objects import labels
 
 _NO_POD: Final = "FailedCreate"
-"""The reason of events by which Kubernetes' controllers report that the API server has refused a pod."""
+"""The reason of events by which Kubernetes' controllers report that the API server refused a pod."""
 
 
 @dataclass(slots=True)
@@ -40,10 +40,10 @@ class Snapshot:
     """The cluster as far as one RobotOffload is concerned, as it was when it was read.
 
     Attributes:
-        live: objects with the labels of its children, and whoever else bears the name of one.
-        nodes: the cluster's nodes, when their addresses matter.
-        configs: the ConfigMap entries that its nodes read, by `name/key`; None: it is missing.
-        fresh: objects that this pass has read from the API server itself.
+        live: objects with the labels of its children, and foreign objects that have the name of one.
+        nodes: the cluster's nodes, if their addresses matter.
+        configs: the ConfigMap entries that its nodes read, by `name/key`; None: missing.
+        fresh: objects that this pass read from the API server itself.
     """
 
     live: dict[Key, Manifest] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Snapshot:
         return {entry: "" if text is None else _hash(text) for entry, text in self.configs.items()}
 
     def ours(self, kind: Kind, name: str, uid: str) -> Manifest | None:
-        """Return a child of the RobotOffload with this uid; None: it is missing or somebody else's."""
+        """Return a child of the RobotOffload with this uid; None: it is missing or has another owner."""
         child = self.live.get((kind, name))
         return child if child is not None and belongs(child, uid) else None
 
@@ -80,7 +80,7 @@ class Snapshot:
 
 
 class Observer:
-    """Reads for one pass: from the store what the watches keep up to date, from the API server the rest."""
+    """Reads for one pass: watched kinds from the store, the others from the API server."""
 
     def __init__(self, api: KubeApi, store: Store, namespace: str, offload: RobotOffload) -> None:
         self._api = api
@@ -92,7 +92,7 @@ class Observer:
         """Read all that the next decisions need of the cluster.
 
         Args:
-            cached: users' ConfigMaps as they were read last, by name; is brought up to date.
+            cached: users' ConfigMaps as last read, by name; updated.
         """
         children, nodes, configs = await asyncio.gather(
             self._children(), _nodes(self._api, self._offload), self._configs(cached)
@@ -105,9 +105,9 @@ class Observer:
         return seen
 
     async def confirm(self, seen: Snapshot, keys: Iterable[Key]) -> None:
-        """Read what a write would touch from the API server, once a pass: what the store has may be old.
+        """Read the objects that a write would touch from the API server, once a pass: the store may be old.
 
-        Also finds whoever else has the name of a child that is missing.
+        Also finds foreign objects with the name of a missing child.
         """
         asked = [key for key in keys if key not in seen.fresh]
         found = await asyncio.gather(*map(self._confirmed, asked))
@@ -120,7 +120,7 @@ class Observer:
                 seen.live[key] = manifest
 
     async def _confirmed(self, key: Key) -> Manifest | None:
-        """Return an object; None: there is none, or it is cert-manager's and out of reach: applying it says so."""
+        """Return an object; None: it is missing, or is cert-manager's and unreadable: applying it then reports that."""
         kind, name = key
         try:
             return await self._api.get(kind, self._namespace, name)
@@ -134,7 +134,7 @@ class Observer:
         return tuple(await self._pods(labels.instance_labels(self._offload)))
 
     async def refusals(self, workloads: Iterable[Manifest]) -> dict[Key, str]:
-        """Return why the API server refuses the pods of these workloads, in its own words; only events hold that."""
+        """Return why the API server refuses the pods of these workloads, in its words; only events contain that."""
         asked = list(workloads)
         found = await asyncio.gather(*(self._refusal(one["metadata"]["uid"]) for one in asked))
         return {key_of(one): words for one, words in zip(asked, found, strict=True) if words}
@@ -148,11 +148,11 @@ class Observer:
         return str(newest.get("message") or "")
 
     async def build_pods(self) -> tuple[Manifest, ...]:
-        """Return the pods of build Jobs: only worth reading while a build is not written down yet."""
+        """Return the pods of build Jobs: only worth reading while the result of a build is not recorded."""
         return tuple(await self._pods(labels.selector(self._offload, "build")))
 
     async def secret_types(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the types of those of these Secrets that are there, by name. Users' own Secrets are not watched."""
+        """Return the types of the Secrets among these that exist, by name. Users' own Secrets are not watched."""
         wanted = sorted(names)
         found = await asyncio.gather(*(self._api.get(SECRET, self._namespace, name) for name in wanted))
         there = {name: secret for name, secret in zip(wanted, found, strict=True) if secret is not None}
@@ -188,10 +188,10 @@ class Observer:
 
 @dataclass(frozen=True, slots=True)
 class CachedConfig:
-    """A user's ConfigMap as it was read last.
+    """A user's ConfigMap as last read.
 
     Attributes:
-        version: its resourceVersion; empty: there was none.
+        version: its resourceVersion; empty: it did not exist.
         packed: its entries.
     """
 
@@ -200,7 +200,7 @@ class CachedConfig:
 
     @classmethod
     def of(cls, config_map: Manifest | None) -> CachedConfig:
-        """Pack what was read."""
+        """Pack a ConfigMap as read."""
         found = config_map or {"metadata": {"resourceVersion": ""}}
         text = json.dumps({"data": found.get("data") or {}})
         return cls(str(found["metadata"]["resourceVersion"]), zlib.compress(text.encode(), 1))
@@ -256,4 +256,4 @@ async def _certificates(api: KubeApi, namespace: str, offload: RobotOffload) -> 
     try:
         return await api.list(CERTIFICATE, namespace, _labels(offload))
     except (NotFoundError, ForbiddenError):
-        return []  # without cert-manager, or without its rights: applying them says so
+        return []  # without cert-manager, or without rights on it: applying them reports that

@@ -1,8 +1,8 @@
-"""The Secrets with certificates, read in a few lists when an operator starts, instead of four requests for each robot.
+"""The Secrets with certificates, read in a few lists when an operator starts, not in four requests for each robot.
 
-What is here spares reading and never leads to a write: it counts only as long as the watch knows no other version, and
-only where it shows that nothing is to be done. The keys stay until the first pass over their RobotOffload has asked for
-them, or until they are forgotten.
+They spare reading and never lead to a write: one counts only as long as the watch knows no other version, and only if
+it shows that nothing is to be done. Keys stay until the first pass over their RobotOffload takes them, or until they
+are forgotten.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LEVEL: Final = 1
 
 
 class Preread:
-    """Secrets by namespace and name, packed: a parsed one takes ten times as much."""
+    """Secrets by namespace and name, packed: parsed ones take ten times as much memory."""
 
     def __init__(self) -> None:
         self._packed: dict[tuple[str, str], bytes] = {}
@@ -33,16 +33,16 @@ class Preread:
         return len(self._packed)
 
     async def read(self, api: KubeApi, store: Store, served: Collection[str], home: str) -> None:
-        """Read the certificates of all RobotOffloads that the store has.
+        """Read the certificates of all RobotOffloads in the store.
 
         Args:
-            api: is asked for lists, page by page.
-            store: is complete.
+            api: lists them, page by page.
+            store: must be complete.
             served: namespaces whose RobotOffloads this operator serves; empty: all.
             home: the operator's own namespace, where the keys of authorities are.
 
         Raises:
-            KubeError: the API server refuses or is silent.
+            KubeError: the API server refuses or does not answer.
         """
         for place in (*served, *({home} - set(served))) if served else (None,):
             async for page, _ in api.pages(SECRET, place, _CERTIFICATES):
@@ -54,7 +54,7 @@ class Preread:
                         self._packed[metadata["namespace"], metadata["name"]] = packed
 
     def take(self, store: Store, namespace: str, name: str) -> Manifest | None:
-        """Return a Secret, once; None: it is not here, or the watch knows another version."""
+        """Take out a Secret; None: it is not here, or the watch knows another version."""
         packed = self._packed.pop((namespace, name), None)
         entry = store.entry(SECRET, namespace, name)
         if packed is None or entry is None:
@@ -64,7 +64,7 @@ class Preread:
         return secret if (metadata["uid"], metadata["resourceVersion"]) == (entry.uid, entry.version) else None
 
     def forget(self) -> None:
-        """Drop what nobody has asked for."""
+        """Drop what was not taken."""
         self._packed.clear()
 
 

@@ -1,4 +1,4 @@
-"""Writes the status where it differs, and has its transitions posted as Events. The only place that does either."""
+"""Writes the status if it differs, and posts its transitions as Events. The only place that does either."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from robot_offload.kube.port import KubeApi, Manifest
 
 COMPONENT: Final = "robot-offload-operator"
 Post: TypeAlias = Callable[[Manifest, transitions.Transition], None]
-"""Has an Event posted about a RobotOffload, in the background. Losing one is no reason to undo a pass."""
+"""Posts an Event about a RobotOffload, in the background. Losing one does not undo a pass."""
 _log = structlog.get_logger("robot_offload.controller")
 
 
 async def publish(
     api: KubeApi, store: Store, raw: Manifest, after: Mapping[str, Any], memory: Memory, clock: Clock, post: Post
 ) -> int:
-    """Write the status where it differs and post the transitions; return the number of writes."""
+    """Write the status if it differs, and post the transitions; return the number of writes."""
     before = raw.get("status") or {}
     metadata = raw["metadata"]
     change = status.patch(before, after)
@@ -44,7 +44,7 @@ async def publish(
 
 
 async def _write(api: KubeApi, raw: Manifest, change: Mapping[str, Any]) -> Manifest:
-    """Write a change of the status. Fields that the API server does not take are left out, and the rest is written."""
+    """Write a change of the status. If the API server rejects fields, write the rest."""
     metadata = raw["metadata"]
     body = {
         "apiVersion": ROBOT_OFFLOAD.api_version,

@@ -1,10 +1,10 @@
 """The five steps for one RobotOffload: load -> observe -> desired -> apply -> publish.
 
-Level-triggered: any event calls `Controller.reconcile` with a name, which looks at everything anew. It may be called at
-any time and any number of times; a crash between two of its writes is repaired by the next call. The status is worked
-out in every pass, whatever the steps before it met, and written only when it differs.
+Level-triggered: any event calls `Controller.reconcile` with a name, which reads everything anew. It may be called at
+any time and any number of times; a crash between two of its writes is repaired by the next call. Every pass computes
+the status, whatever failed before, and writes it only if it differs.
 
-Children are applied in three waves, because each needs what the one before has led to: the Secrets with certificates,
+Children are applied in three waves, because each needs the results of the one before: the Secrets with certificates,
 the Services of the discovery servers, the rest.
 """
 
@@ -43,17 +43,17 @@ Name: TypeAlias = tuple[str, str]
 """Namespace and name of a RobotOffload."""
 DEFAULTS: Final = Policy()
 PATIENCE: Final = 3
-"""Passes in a row that a passing trouble of the API server may break off before the status says so."""
+"""Passes in a row that a transient API server failure may end before the status reports it."""
 _log = structlog.get_logger("robot_offload.controller")
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What comes after a pass.
+    """What follows a pass.
 
     Attributes:
-        again_s: seconds after which to look again though nothing happens; None: only on events.
-        failed: whether it is to be tried again soon, ever less often.
+        again_s: seconds after which to look again without an event; None: only on events.
+        failed: whether to retry soon, with growing pauses.
         writes: how many writes it made, the status included.
     """
 
@@ -74,7 +74,7 @@ class Controller:
         policy: Policy = DEFAULTS,
         post: Post = lambda _offload, _transition: None,
     ) -> None:
-        """`post` has Events posted."""
+        """Create a controller; `post` posts Events."""
         self._post = post
         known = Store() if store is None else store
         budget: rollouts.Budget[Name] = rollouts.Budget(policy.max_rolling)
@@ -84,7 +84,7 @@ class Controller:
         self._readers: dict[tuple[str, str], set[Name]] = {}
 
     async def reconcile(self, name: Name) -> Result:
-        """Make one pass. Calls for the same name must not overlap; the queue sees to that."""
+        """Make one pass. Calls for the same name must not overlap; the queue ensures that."""
         raw = await self._load(name)
         if raw is None:
             return Result()
@@ -107,7 +107,7 @@ class Controller:
             found.verdicts["SpecValid"] = conditions.spec_valid((), warnings)
             await Pass(self._tools, subject, offload, memory, found).run()
         except SpecError as error:
-            # Every problem is reported, nothing is touched, and the next pass waits for a change.
+            # Every problem is reported, nothing is changed, and the next pass waits for a change.
             found.verdicts["SpecValid"] = conditions.spec_valid(error.findings)
             found.watchless = isinstance(error, NotAdmittedError)
         except NotLeaderError:
@@ -125,7 +125,7 @@ class Controller:
         return result
 
     async def preread(self, served: Collection[str]) -> None:
-        """Read the certificates of all RobotOffloads in the store, which is complete, in a few lists.
+        """Read the certificates of all RobotOffloads in the complete store, in a few lists.
 
         Args:
             served: namespaces whose RobotOffloads this operator serves; empty: all.
@@ -136,24 +136,24 @@ class Controller:
             _log.warning("Reads certificates one by one", error=str(error))
 
     def forget_preread(self) -> None:
-        """Drop those that no pass has asked for."""
+        """Drop the Secrets that no pass has taken."""
         self._tools.preread.forget()
 
     def resume(self) -> None:
-        """Learn from the store, which is complete, whose pods an earlier operator has begun to replace."""
+        """Find in the complete store the robots whose pods an earlier operator began to replace."""
         store = self._tools.store
         rolling = store.owners((DEPLOYMENT, STATEFUL_SET), rollouts.under_way)
         alone = store.named(ROBOT_OFFLOAD, lambda raw: (raw.get("status") or {}).get("placement") != "Cloud")
         self._tools.budget.resume(rolling, self._tools.clock.steady_s(), alone)
 
     def readers(self, namespace: str, config_map: str) -> frozenset[Name]:
-        """Return the RobotOffloads whose nodes read a ConfigMap of a user."""
+        """Return the RobotOffloads whose nodes read a user's ConfigMap."""
         found = self._readers.get((namespace, config_map), set())
         found -= {name for name in found if config_map not in self._configs_of(name)}
         return frozenset(found)
 
     def _neighbours(self, offload: RobotOffload, name: Name) -> Iterable[Finding]:
-        """Return warnings about others of the namespace; before the store knows them there are none."""
+        """Return warnings about other RobotOffloads of the namespace; none before the store knows them."""
         if not neighbours.matter(offload):
             return ()
         entries = self._tools.store.entries(ROBOT_OFFLOAD, name[0])[: neighbours.COMPARED]
@@ -164,7 +164,7 @@ class Controller:
         return () if memory is None else memory.configs
 
     def _based_on(self, name: Name, raw: Manifest, memory: Memory) -> object:
-        """Return all that a pass would work with; the same again leads to the same. None: the store does not know."""
+        """Return all inputs of a pass; equal inputs give equal results. None: the store does not know."""
         if not self._tools.store.fed:
             return None
         configs = tuple(
@@ -177,19 +177,19 @@ class Controller:
             for secret in authorities.secret_names(raw["metadata"]["uid"]).values()
             for entry in (self._tools.store.entry(SECRET, home, secret),)
         )
-        # The Lease moves every few seconds; only what it says beside that counts.
+        # The Lease moves every few seconds; only its other content counts.
         lease = self._tools.store.get(LEASE, name[0], child_name(name[1], ROBOT))
         said = None if lease is None else str(presence.meaning(lease))
-        # While a robot is away each move of its Lease may be its return; after our start the first one is.
+        # While a robot is away each move of its Lease may be its return; after the operator's start the first one is.
         connected = (memory.status.get("robot") or {}).get("connected")
         seen = memory.sighting.first if memory.sighting and connected else memory.sighting
         return raw["metadata"]["resourceVersion"], versions, signing, configs, said, seen
 
     def saw_lease(self, name: Name, lease: Manifest) -> float | None:
-        """Note that a robot's Lease has moved.
+        """Record that a robot's Lease has moved.
 
-        Returns the seconds for which no pass is needed, or None if one is needed now. A robot that goes on renewing
-        puts off nothing but the moment at which it counts as gone.
+        Return the seconds for which no pass is needed, or None if one is needed now. While a robot keeps renewing,
+        only the moment at which it counts as gone is put off.
         """
         memory = self.memories.get(name)
         if memory is None or memory.sighting is None or memory.lease is None:
@@ -211,7 +211,7 @@ class Controller:
             self.memories.pop(name, None)
             self._tools.budget.done(name)
             return None
-        # On its way out nothing is made any more: owner references do the rest.
+        # While it is being deleted nothing is created: owner references do the rest.
         return None if being_deleted(raw) else raw
 
     def _memory(self, name: Name, raw: Manifest) -> Memory:
@@ -222,10 +222,10 @@ class Controller:
         return memory
 
     def _note_failure(self, error: Exception, found: Findings, memory: Memory, subject: Subject) -> None:
-        """Turn what broke a step off into a verdict.
+        """Turn the error that ended a step into a verdict.
 
         Raises:
-            KubeError: the API server is in passing trouble, and has not been for long.
+            KubeError: the API server has failed, transiently and only recently.
         """
         memory.failures += 1
         if isinstance(error, KubeError) and error.retriable and memory.failures <= PATIENCE:
@@ -251,7 +251,7 @@ class Controller:
 
     @staticmethod
     def _worth_a_retry(found: Findings, memory: Memory) -> bool:
-        """Return whether trying again soon may help: not when the same was refused for good twice in a row."""
+        """Return whether an early retry may help: not if the same was refused for good twice in a row."""
         errors = found.applied.errors
         before, memory.refusals = memory.refusals, frozenset(map(str, errors))
         if found.broken or any(error.retriable for error in errors):

@@ -1,4 +1,4 @@
-"""The steps of one pass over a valid RobotOffload, in the order in which they are made."""
+"""The steps of one pass over a valid RobotOffload, in their order."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ from robot_offload.render.children import children
 from robot_offload.transport import discovery
 
 RENDER_S: Final = 20.0
-"""Seconds after which a rendering is given up. 64 nodes with the largest parameter files take less than two."""
+"""Seconds after which a rendering is abandoned. 64 nodes with the largest parameter files take less than two."""
 LOOK_AGAIN_S: Final = 15.0
-"""Seconds after which is asked again why a workload has no pods."""
+"""Seconds after which to ask again why a workload has no pods."""
 _log = structlog.get_logger("robot_offload.controller")
 
 
 async def render(parent: Parent) -> tuple[Manifest, ...]:
-    """Render the children in a thread: leadership and probes never wait for what a user wrote.
+    """Render the children in a thread, so that leadership and probes never wait for a user's input.
 
     Raises:
         RenderTimeoutError: it took longer than `RENDER_S`.
@@ -72,18 +72,18 @@ class RenderTimeoutError(RobotOffloadError):
 
 
 class Findings:
-    """What a pass finds out for the status and for the queue, however far it comes.
+    """What a pass finds out for the status and for the queue, even if it fails.
 
     Attributes:
         verdicts: by type of condition.
-        applied: what became of all writes so far.
-        offload: the RobotOffload, once it is known as valid.
-        status: what is known beside the conditions; None: the cluster could not be read to the end.
-        watchless: whether something that no watch brings was read: the same versions may mean something else then.
+        applied: the result of all writes so far.
+        offload: the RobotOffload, once it is known to be valid.
+        status: what is known beside the conditions; None: the cluster could not be read completely.
+        watchless: whether something without a watch was read: the same versions may then have another meaning.
         again_s: seconds after which time alone may change something; None: never.
-        however_s: the same, however the robot's Lease moves meanwhile.
-        broken: whether a step was broken off.
-        step: which step is under way.
+        however_s: the same, whether or not the robot's Lease moves meanwhile.
+        broken: whether a step failed.
+        step: the present step.
     """
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class Pass:
         self._refused_s: float | None = None
 
     async def run(self) -> None:
-        """Observe, decide and apply; what is found out goes to the findings as soon as it is known."""
+        """Observe, decide and apply; record each finding as soon as it is known."""
         found, spec = self._found, self._offload.spec
         found.offload = self._offload
 
@@ -172,7 +172,7 @@ class Pass:
         manifests = (*secrets.issuer, *built.manifests, *await render(Parent(self._offload, facts)))
         rest = [manifest for manifest in manifests if key_of(manifest) not in servers.keys]
 
-        found.step = Step.APPLY  # the third wave: everything else, and what is not wanted any more goes
+        found.step = Step.APPLY  # the third wave: everything else; what is no longer wanted is deleted
         prunable = self._prunable(secrets.kept | built.kept | servers.keys) if servers.known else frozenset()
         await self._apply(rest, prunable)
         found.verdicts["ResourcesApplied"] = found.applied.verdict
@@ -187,7 +187,7 @@ class Pass:
         found.again_s = min((after_s for after_s in either if after_s is not None), default=None)
 
     def _robot(self, lease: Manifest | None) -> presence.Presence:
-        """Return the robot's presence; its Lease counts only when it is ours."""
+        """Return the robot's presence; its Lease counts only if it is ours."""
         now_s = self._clock.steady_s()
         self._memory.lease = presence.meaning(lease) if lease is not None else None
         self._memory.sighting = presence.look(self._memory.sighting, lease, now_s)
@@ -218,7 +218,7 @@ class Pass:
         return transport.observed_endpoints(self._offload, services, self._snapshot.nodes)
 
     def _judge_certificates(self, secrets: Secrets, state: AgentState | None) -> float | None:
-        """Add what is known of the certificates; return the seconds after which that changes by itself."""
+        """Add the judgement of the certificates; return the seconds after which it changes without an event."""
         assert self._found.status is not None
         before = (self._subject.status.get("certificates") or {}).get("robot") or {}
         judged = judge(self._offload, secrets, presented.presented(state, before), self._clock.wall())
@@ -227,7 +227,7 @@ class Pass:
         return judged.recheck_s
 
     async def _builds(self, parent: Parent) -> builds.Builds:
-        """Decide about the images that are built here; what there is of them is only read when there are any."""
+        """Decide about the images that are built here; read their state only if there are any."""
         if not parent.spec.built_nodes:
             return builds.Builds()
         pods = await self._observer.build_pods()
@@ -239,7 +239,7 @@ class Pass:
         return builds.decide(parent, before, self._subject.annotation(builds.REBUILD))
 
     async def _discovery(self, parent: Parent) -> _Servers:
-        """Apply the Services of the discovery servers before anything needs their addresses."""
+        """Apply the Services of the discovery servers before their addresses are needed."""
         if not transport.discovery_servers(parent.spec):
             return _Servers()
         names = set(discovery.names(self._offload))
@@ -249,15 +249,15 @@ class Pass:
         await self._apply(wanted)
         ours = [self._snapshot.ours(*key, self._subject.uid) for key in keys]
         hosts = discovery.hosts(self._offload, [service for service in ours if service is not None])
-        # Without them what is there goes on as it is: it must not be pruned because it cannot be rendered now.
+        # Without them existing children stay as they are: they must not be pruned because they cannot be rendered now.
         return _Servers(keys, hosts, known=bool(hosts))
 
     def _prunable(self, kept: frozenset[Key]) -> frozenset[Key]:
-        """Return which children may go when they are not wanted: all that this pass has not dealt with otherwise."""
+        """Return the children that may be deleted if not wanted: all that this pass has not handled otherwise."""
         return frozenset(self._snapshot.live) - kept
 
     async def _apply(self, wanted: Iterable[Manifest], prunable: Iterable[Key] = ()) -> Applied:
-        """Apply children in their order, then prunes."""
+        """Apply children in their order, then prune."""
         manifests, live, uid = list(wanted), self._snapshot.live, self._subject.uid
         history, now_s, may_go = self._memory.history, self._clock.steady_s(), frozenset(prunable)
         steps = plan(manifests, live, uid, prunable=may_go, history=history, now_s=now_s)
@@ -270,7 +270,7 @@ class Pass:
         return applied
 
     def _note(self, applied: Applied) -> None:
-        """Note what became of writes, for the status and for the log."""
+        """Record the result of writes, for the status and for the log."""
         self._found.applied.add(applied)
         if applied.writes:
             _log.info("Applied", **self._subject.words, writes=applied.writes)
@@ -278,7 +278,7 @@ class Pass:
             _log.warning("Refused", **self._subject.words, reason=error.reason, error=str(error))
 
     def _in_turn(self, steps: Plan) -> Plan:
-        """Leave out what would replace too many pods at once. What a person has just changed waits for nobody."""
+        """Leave out what would replace too many pods at once. A person's latest change does not wait."""
         live = self._snapshot.live
         steps = rollouts.in_turn(steps, live)
         changed = self._subject.generation != self._subject.status.get("observedGeneration")
@@ -297,7 +297,7 @@ class Pass:
         state: AgentState | None,
         problem: str,
     ) -> None:
-        """Work out from what is live now the rest of the status and the conditions that follow."""
+        """Work out the rest of the status, and its conditions, from the live objects."""
         uid, generation = self._subject.uid, self._subject.generation
         pods: tuple[Manifest, ...] = ()
         refusals: dict[Key, str] = {}
@@ -308,7 +308,7 @@ class Pass:
             pods = await self._observer.pods()
             waiting = [child for child in self._snapshot.workloads(uid) if workloads.podless(child)]
             refusals = await self._observer.refusals(waiting)
-            # No watch brings the event that says why.
+            # No watch brings the event that gives the reason.
             self._refused_s = LOOK_AGAIN_S if waiting else None
         dials = agent.dialled(state, self._subject.status.get("robot") or {})
         endpoints = self._endpoints()
@@ -341,12 +341,12 @@ class Pass:
 
 @dataclass(frozen=True, slots=True)
 class _Servers:
-    """What the second wave has led to.
+    """The result of the second wave.
 
     Attributes:
         keys: the Services of the discovery servers.
         hosts: their addresses; empty: not known, or not needed.
-        known: whether all addresses that are needed are known.
+        known: whether all needed addresses are known.
     """
 
     keys: frozenset[Key] = frozenset()

@@ -1,11 +1,11 @@
-"""The children of all RobotOffloads as the watches bring them, so that a pass over what has not changed asks nobody.
+"""The children of all RobotOffloads from the watches, so that a pass over unchanged ones makes no request.
 
 Objects are kept packed: a parsed Deployment takes some 30 KiB, a packed one less than one. Secrets are kept without
-their content. What is here may be old by the time that an event needs to arrive; so whatever a pass would write, and
-whatever is in its way, is read once more from the API server before that counts.
+their content. The store may lag by the delivery time of an event. What a pass would write, and what is in its way, is
+therefore first read again from the API server.
 
-The answer to a write may arrive after the news that the object is gone. The uids of what has gone are kept for a while,
-so that such an answer does not bring a ghost back.
+The answer to a write may arrive after the object's deletion. The uids of deleted objects are kept for a while, so that
+such an answer does not bring them back.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot_offload.objects import labels
 _KEPT_OF_PODS: Final = ("phase", "conditions", "initContainerStatuses", "containerStatuses")
 _LEVEL: Final = 1
 _REMEMBERED: Final = 10_000
-"""Uids of objects that have gone: far more than there are writes under way."""
+"""Uids of deleted objects: far more than there are writes in flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Entry:
         uid: its identity.
         version: its resourceVersion.
         generation: of its specification; 0: its kind has none.
-        instance: the RobotOffload whose label it carries; empty: none.
+        instance: the RobotOffload in its label; empty: none.
         packed: its content.
     """
 
@@ -53,11 +53,11 @@ class Entry:
 
 
 class Store:
-    """All objects of the kinds that a pass reads, by kind, namespace and name."""
+    """All objects of the kinds read by a pass, by kind, namespace and name."""
 
     def __init__(self) -> None:
         self.fed = False
-        """Whether watches keep the store up to date; until then everything is read from the API server."""
+        """Whether watches keep the store current; until then everything is read from the API server."""
         self.config_versions: dict[tuple[str, str], str] = {}
         """ConfigMaps that are not ours: their resourceVersions by namespace and name."""
         self._entries: dict[tuple[Kind, str, str], Entry] = {}
@@ -65,11 +65,11 @@ class Store:
         self._gone: dict[str, None] = {}
 
     def __len__(self) -> int:
-        """Return how many objects there are."""
+        """Return the number of objects."""
         return len(self._entries)
 
     def put(self, kind: Kind, manifest: Manifest) -> bool:
-        """Take in an object; return whether that is news: not known in this version or a newer one, and not gone."""
+        """Store an object; return whether it is new: not known in this version or a newer one, and not deleted."""
         metadata = manifest["metadata"]
         if str(metadata["uid"]) in self._gone:
             return False
@@ -89,7 +89,7 @@ class Store:
         return True
 
     def drop(self, kind: Kind, namespace: str, name: str, uid: str = "") -> bool:
-        """Drop an object, if it is the one with this uid (empty: whichever); return whether it was there."""
+        """Drop an object, if it has this uid (empty: any); return whether it was there."""
         if uid:
             self._bury(uid)
         place = (kind, namespace, name)
@@ -103,7 +103,7 @@ class Store:
     def prune(
         self, kind: Kind, namespace: str | None, there: frozenset[tuple[str, str]], version: str
     ) -> list[tuple[str, str]]:
-        """Drop objects of a kind that a list of this version does not have; return namespace and instance of each."""
+        """Drop the objects of a kind that a list of this version lacks; return namespace and instance of each."""
         gone = [
             (place, entry)
             for place, entry in self._entries.items()
@@ -141,7 +141,7 @@ class Store:
         return {key: self._entries[key[0], namespace, key[1]].manifest() for key in keys if key[0] in wanted}
 
     def owners(self, kinds: Iterable[Kind], suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
-        """Return namespace and name of the RobotOffloads that have a child of these kinds that suits."""
+        """Return namespace and name of the RobotOffloads with a child of these kinds for which `suits` is true."""
         wanted = frozenset(kinds)
         found: set[tuple[str, str]] = set()
         for owner, keys in self._instances.items():
@@ -151,23 +151,23 @@ class Store:
         return frozenset(found)
 
     def named(self, kind: Kind, suits: Callable[[Manifest], bool]) -> frozenset[tuple[str, str]]:
-        """Return namespace and name of the objects of a kind that suit."""
+        """Return namespace and name of the objects of a kind for which `suits` is true."""
         entries = ((place, entry) for place, entry in self._entries.items() if place[0] == kind)
         return frozenset(place[1:] for place, entry in entries if suits(entry.manifest()))
 
     def versions(self, namespace: str, instance: str, without: Iterable[Kind] = ()) -> frozenset[tuple[Key, str, str]]:
-        """Return key, uid and version of these objects, except of some kinds: the same again means no news."""
+        """Return key, uid and version of these objects, except of some kinds; an equal set means no change."""
         left_out = frozenset(without)
         keys = self._instances.get((namespace, instance), ())
         entries = ((key, self._entries[key[0], namespace, key[1]]) for key in keys if key[0] not in left_out)
         return frozenset((key, entry.uid, entry.version) for key, entry in entries)
 
     def buried(self, uid: str) -> bool:
-        """Return whether an object is known to be gone."""
+        """Return whether an object is known to be deleted."""
         return uid in self._gone
 
     def _bury(self, uid: str) -> None:
-        """Note that an object has gone for good: its uid never comes back."""
+        """Record that an object was deleted: its uid never comes back."""
         self._gone[uid] = None
         if len(self._gone) > _REMEMBERED:
             del self._gone[next(iter(self._gone))]
@@ -185,7 +185,7 @@ class Store:
 
 
 def older(seen: str, version: str) -> bool:
-    """Return whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
+    """Return whether the seen version is older than `version`. Versions are numbers wherever Kubernetes runs."""
     try:
         return int(seen) < int(version)
     except ValueError:

@@ -11,7 +11,7 @@ from robot_offload.kube.port import Manifest
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """The object that a pass is about.
+    """The object of a pass.
 
     Attributes:
         raw: as the API server has it.
@@ -46,9 +46,9 @@ class Subject:
 
     @property
     def words(self) -> dict[str, str]:
-        """Return what log lines call it."""
+        """Return its names for log lines."""
         return {"namespace": self.namespace, "name": self.name}
 
     def annotation(self, key: str) -> str:
-        """Return the text of an annotation; empty: there is none."""
+        """Return the text of an annotation; empty: it is missing."""
         return str((self.raw["metadata"].get("annotations") or {}).get(key, ""))

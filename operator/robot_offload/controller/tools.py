@@ -1,4 +1,4 @@
-"""What every pass works with."""
+"""Shared by all passes."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from robot_offload.objects.facts import HOME, Images, Network
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """What whoever runs the operator has decided for the whole cluster.
+    """Decisions of the operator's administrator for the whole cluster.
 
     Attributes:
-        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
+        max_rolling: number of robots whose pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
-        network: what is decided about network policies.
-        home: the operator's own namespace; the keys of the robots' authorities are there.
-        adopt: whether a RobotOffload goes on with the authorities of an earlier one of its name.
-        pull_secrets: names of Secrets with which images of all robots are fetched.
-        pod_spec: what is said about all pods of robots, laid under what a RobotOffload says.
-        admission: the name of the admission policy and of its binding; empty: what was written is not checked again.
+        network: decisions about network policies.
+        home: the operator's own namespace, which holds the keys of the robots' authorities.
+        adopt: whether a RobotOffload adopts the authorities of an earlier one of its name.
+        pull_secrets: names of Secrets for pulling the images of all robots.
+        pod_spec: defaults for the pods of all robots; a RobotOffload overrides them.
+        admission: name of the admission policy and of its binding; empty: objects are not checked again.
     """
 
     max_rolling: int = rollouts.AT_ONCE
@@ -41,14 +41,14 @@ class Policy:
 
 @dataclass(frozen=True, slots=True)
 class Tools:
-    """What every pass works with.
+    """Shared by all passes.
 
     Attributes:
         api: reads and writes.
-        store: what the watches have brought.
+        store: the objects from the watches.
         images: of our own programs.
         clock: both clocks.
-        policy: what holds for the whole cluster.
+        policy: for the whole cluster.
         budget: how many robots may have their pods replaced at once.
         preread: the certificates as they were when the operator started.
     """

@@ -1,7 +1,7 @@
-"""What others have added to our objects and server-side apply leaves alone: named, because it may change what runs.
+"""Foreign additions to our objects that server-side apply leaves alone: reported, because they may change what runs.
 
-Only where an addition has power: in pods, in files that pods read, and in ports of Services. What the API server itself
-fills in is no addition.
+Only additions with an effect: in pods, in files that pods read, and in ports of Services. What the API server itself
+fills in does not count.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _CONTAINER_DEFAULTS: Final = frozenset(
 _LISTS: Final = (("containers", "container"), ("initContainers", "init container"), ("volumes", "volume"))
 _CONTAINER_LISTS: Final = (("env", "variable", "name"), ("volumeMounts", "mount", "mountPath"))
 SHOWN: Final = 10
-"""Additions to one object that are named; more are counted."""
+"""Additions to one object that are named; further ones are counted."""
 
 
 def additions(wanted: Manifest, live: Manifest) -> str:
-    """Return in words what a live object has beyond the wanted one; empty: nothing that matters."""
+    """Return in words what a live object has beyond the wanted one; empty: nothing relevant."""
     found = list(_additions(wanted, live))
     more = f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
     return f"{described(live)}: {', '.join(found[:SHOWN])}{more}" if found else ""

@@ -1,4 +1,4 @@
-"""Whether a robot can be told where the cloud listens."""
+"""Whether the cloud's addresses for the robot are known."""
 
 from __future__ import annotations
 

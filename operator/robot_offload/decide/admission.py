@@ -1,8 +1,8 @@
-"""Whether an object was judged by the chart's admission policy: the operator acts with its own rights.
+"""Whether the chart's admission policy judged an object: the operator acts with its own rights.
 
-The policy asks at the moment of writing whether the writer has the rights to what is asked for. What was written while
-there was no policy (before it was enabled, or after somebody has deleted it) was judged by nobody. Such an object acts
-again once somebody with those rights vouches for it: the policy judges whoever writes the annotation `ADMITTED`.
+At the moment of writing, the policy checks whether the writer has the rights to what is asked for. What was written
+without a policy (before it was enabled, or after it was deleted) was not judged. Such an object acts again once a user
+with those rights vouches for it: the policy judges the writer of the annotation `ADMITTED`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot_offload.kube.port import Manifest
 ADMITTED: Final = "robotoffload.dev/admitted"
 """Annotation on a RobotOffload: the uid of the policy under which all of it was judged."""
 REACH: Final = datetime.timedelta(seconds=3)
-"""How long the API server may take until a new policy counts."""
+"""How long the API server may take until a new policy is in force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +26,8 @@ class InForce:
     """The policy as the API server has it.
 
     Attributes:
-        uid: of the policy; another one is another policy.
-        since: when policy and binding were both there.
+        uid: of the policy; a changed uid means another policy.
+        since: since when both policy and binding exist.
     """
 
     uid: str
@@ -35,7 +35,7 @@ class InForce:
 
 
 def in_force(policy: Manifest | None, binding: Manifest | None) -> InForce | None:
-    """Return the policy; None: it does not count, because it or its binding is missing."""
+    """Return the policy; None: it is not in force, because it or its binding is missing."""
     if policy is None or binding is None:
         return None
     made = (datetime.datetime.fromisoformat(one["metadata"]["creationTimestamp"]) for one in (policy, binding))

@@ -1,4 +1,4 @@
-"""What the cloud agent says about its robot, through the robot's Lease."""
+"""The cloud agent's report about its robot, from the robot's Lease."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Placement:
 
 
 def state_of(lease: Manifest | None) -> tuple[AgentState | None, str]:
-    """Return the agent's state on the Lease, or None and what is wrong with it."""
+    """Return the agent's state on the Lease, or None and the problem with it."""
     text = ((lease or {}).get("metadata", {}).get("annotations") or {}).get(ANNOTATION)
     if not text:
         return None, "the cloud agent has not reported yet"
@@ -42,7 +42,7 @@ def state_of(lease: Manifest | None) -> tuple[AgentState | None, str]:
 
 
 def placement(state: AgentState | None, problem: str, *, connected: bool) -> Placement:
-    """Return which side acts, as the robot decided; unknown without a robot: it then acts by itself."""
+    """Return the side that the robot chose; Unknown without a connected robot, which then acts by itself."""
     if not connected:
         return Placement("Unknown", "NotConnected", "The robot is not connected; it acts by itself")
     if state is None:
@@ -51,7 +51,7 @@ def placement(state: AgentState | None, problem: str, *, connected: bool) -> Pla
 
 
 def dialled(state: AgentState | None, before: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the addresses in the robot's bundle, as it says or has said last; none: it never has.
+    """Return the addresses in the robot's bundle, from its present or last report; none: it never reported any.
 
     Args:
         state: of the cloud's agent.
@@ -61,7 +61,7 @@ def dialled(state: AgentState | None, before: Mapping[str, Any]) -> tuple[str, .
 
 
 def lost(dials: Collection[str], endpoints: Iterable[Endpoint]) -> tuple[Endpoint, ...]:
-    """Return the cloud's endpoints of a purpose that none of the dialled addresses leads to, if there is one."""
+    """Return the cloud's endpoints for a purpose if no dialled address leads to any of them."""
     by_purpose: dict[str, list[Endpoint]] = {}
     for point in endpoints:
         if point.purpose in ("pulse", "data"):
@@ -78,14 +78,14 @@ def config_current(
     dials: Collection[str] = (),
     endpoints: Iterable[Endpoint] = (),
 ) -> Verdict:
-    """Return whether the robot runs this generation's settings, and dials the cloud (condition ConfigCurrent).
+    """Return whether the robot runs this generation's settings and dials the cloud (condition ConfigCurrent).
 
     Args:
         state: of the cloud's agent.
         generation: of the specification.
         connected: whether the robot is.
         dials: addresses in its bundle.
-        endpoints: where the cloud is reached now.
+        endpoints: the cloud's present addresses.
     """
     gone = lost(dials, endpoints)
     if gone:

@@ -1,12 +1,12 @@
-"""Where the keys of a RobotOffload's authorities are: in the operator's own namespace.
+"""Where the keys of a RobotOffload's authorities are kept: in the operator's own namespace.
 
-Who may read Secrets beside the robots, or run pods there, then finds leaves only: no key that signs further ones. No
-owner reference reaches into another namespace, so these Secrets name their RobotOffload by uid, and the operator
-collects them when it is gone.
+A user who may read Secrets beside the robots, or run pods there, then finds only leaves: no key that signs further
+ones. Owner references do not reach into another namespace, so these Secrets name their RobotOffload by uid, and the
+operator deletes them when it is gone.
 
-Not at once: a RobotOffload that is deleted and applied again, restored or moved is another object of the same name, and
+Not at once: a RobotOffload that is deleted and applied again, restored or moved is another object of the same name, but
 its robot has the old one's certificates. So the keys outlive it for a time, and the next RobotOffload of that namespace
-and name goes on with them.
+and name adopts them.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from robot_offload.objects.parent import Parent
 Authority: TypeAlias = Literal["server-ca", "client-ca"]
 AUTHORITIES: Final[tuple[Authority, ...]] = ("server-ca", "client-ca")
 IDENTITY: Final = "robotoffload.dev/identity"
-"""Annotation on these Secrets and on the robot's: the uid by which the robot knows its cloud, when that is not the
-uid of its RobotOffload but of an earlier one of the same name."""
+"""Annotation on these Secrets and on the robot's: the uid by which the robot knows its cloud, if that is not its
+RobotOffload's but that of an earlier one of the same name."""
 ORPHANED: Final = "robotoffload.dev/orphaned"
-"""Annotation on these Secrets: since when their RobotOffload is gone, as an RFC 3339 time."""
+"""Annotation on these Secrets: the RFC 3339 time since which their RobotOffload is gone."""
 KEEP: Final = datetime.timedelta(days=30)
-"""How long keys outlive their RobotOffload, where whoever runs the operator has not said otherwise."""
+"""How long keys outlive their RobotOffload, unless configured otherwise."""
 KEPT_MOST: Final = 100
-"""How many robots' keys are kept of those that are gone, by namespace: who may write RobotOffloads must not fill the
-operator's namespace."""
+"""Maximum of kept robots' keys without a RobotOffload, by namespace: users who may write RobotOffloads must not be able
+to fill the operator's namespace."""
 LABELS: Final = {
     labels.NAME: labels.MANAGER,
     labels.COMPONENT: "certificates",
@@ -49,27 +49,27 @@ def secret_names(uid: str) -> dict[Authority, str]:
 
 
 def uid_of(secret: str) -> str:
-    """Return the uid of the RobotOffload whose Secret has this name; empty: the name is none of ours."""
+    """Return the uid of the RobotOffload whose Secret has this name; empty: not such a name."""
     found = [secret.removeprefix(f"{role}-") for role in AUTHORITIES if secret.startswith(f"{role}-")]
     return found[0] if found else ""
 
 
 def serves(secret: Manifest) -> tuple[str, str] | None:
-    """Return namespace and name of the RobotOffload that an authority's Secret serves; None: it is not one."""
+    """Return namespace and name of the RobotOffload that an authority's Secret serves; None: it is another Secret."""
     text = str((secret["metadata"].get("annotations") or {}).get(SERVES) or "")
     namespace, _, name = text.partition("/")
     return (namespace, name) if namespace and name and uid_of(secret["metadata"]["name"]) else None
 
 
 def identity_of(secret: Manifest | None) -> str:
-    """Return the uid by which the robot knows its cloud; empty: that of its RobotOffload."""
+    """Return the uid by which the robot knows its cloud; empty: its RobotOffload's uid."""
     return str(((secret or {}).get("metadata", {}).get("annotations") or {}).get(IDENTITY) or "")
 
 
 def heritage(secrets: Iterable[Manifest], parent: Parent) -> str:
-    """Return the uid of the earlier RobotOffload whose keys this one goes on with; empty: there is none.
+    """Return the uid of the earlier RobotOffload whose keys this one adopts; empty: there is none.
 
-    Of several the youngest: it went on with those of the others. A name has one object at a time, so whoever else has
+    Of several the youngest, which adopted those of the others. A name has one object at a time, so every other one that
     served it is gone.
 
     Args:
@@ -84,10 +84,10 @@ def heritage(secrets: Iterable[Manifest], parent: Parent) -> str:
 
 
 def expired(secrets: Iterable[Manifest], keep: datetime.timedelta, now: datetime.datetime) -> list[Manifest]:
-    """Return those of gone RobotOffloads that are kept no longer: too old, or too many of one namespace.
+    """Return the Secrets of deleted RobotOffloads that expired: too old, or too many of one namespace.
 
     Args:
-        secrets: of RobotOffloads that are gone, each with the annotation `ORPHANED`.
+        secrets: of deleted RobotOffloads, each with the annotation `ORPHANED`.
         keep: how long they outlive their RobotOffload.
         now: our wall clock, with its time zone.
     """
@@ -103,7 +103,7 @@ def expired(secrets: Iterable[Manifest], keep: datetime.timedelta, now: datetime
 
 
 def _orphaned(secret: Manifest) -> datetime.datetime:
-    """Return since when the RobotOffload of a Secret is gone; a time that nobody can read is long ago."""
+    """Return since when the RobotOffload of a Secret is gone; an unreadable time counts as long ago."""
     try:
         found = datetime.datetime.fromisoformat(str(secret["metadata"]["annotations"][ORPHANED]))
     except ValueError:
@@ -119,7 +119,7 @@ def _by_uid(secrets: Iterable[Manifest]) -> dict[str, list[Manifest]]:
 
 
 def former_keys(offload: str) -> dict[Authority, Key]:
-    """Return where earlier versions of the operator kept them: beside the robot."""
+    """Return where earlier versions of the operator kept the keys: beside the robot."""
     return {role: (SECRET, names.child_name(offload, role)) for role in AUTHORITIES}
 
 

@@ -1,7 +1,7 @@
-"""Who wrote a RobotOffload's specification last, as far as the API server keeps it: the program and the time. Pure.
+"""The last author of a RobotOffload's specification, as far as the API server keeps it: program and time. Pure.
 
 The API server stores no users; `metadata.managedFields` names the field manager, which kubectl, Argo CD and consoles
-choose themselves. So this is a trace to the API server's own audit log and no proof.
+choose themselves. So this leads to the API server's own audit log, but proves nothing.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _TIME: Final = re.compile(r"[0-9TZ:.+-]{1,40}")
 
 
 def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return of the field managers those that wrote the specification, or the end of its pin, last; or none.
+    """Return the field managers that last wrote the specification, or the end of its pin; or none.
 
-    The API server keeps whole seconds: of two that wrote in the same one nobody can say which was the last.
+    The API server keeps whole seconds: the order of two writes within one second is unknown.
     """
     wrote = [entry for entry in _entries(metadata) if not entry.get("subresource") and _wrote(entry.get("fieldsV1"))]
     found = [(str(entry.get("time") or ""), str(entry.get("manager") or "")) for entry in wrote]
@@ -30,11 +30,11 @@ def kept(metadata: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def author(metadata: Mapping[str, Any], hold: Hold) -> str:
-    """Return who changed what a robot is offered: field managers with a time, or the end of a pin.
+    """Return who changed what the robot is offered: field managers with a time, or the end of a pin.
 
     Args:
-        metadata: of the RobotOffload, with all `managedFields` or with those that were kept.
-        hold: the pin that is in force.
+        metadata: of the RobotOffload, with all `managedFields` or with the kept ones.
+        hold: the pin in force.
     """
     found = kept(metadata)
     wrote = f"{' or '.join(each['manager'] for each in found)} at {found[0]['time']}" if found else ""

@@ -1,4 +1,4 @@
-"""From the last lines of a failed build to those that tell a person what is wrong."""
+"""Selects from the last lines of a failed build those that show the cause."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robot_offload.kube.port import Manifest
 MAX_LINES: Final = 5
 _LINE_START: Final = 150
 _LINE_END: Final = 400
-# What only says that a step failed, after the step itself has said why.
+# Lines that only report that a step failed, after its own error.
 _AFTERMATH: Final = re.compile(
     r"(error: )?(building at STEP|while running runtime|exit status|subprocess exited)|time=\".*level=", re.IGNORECASE
 )
@@ -20,7 +20,7 @@ _TELLING: Final = re.compile(r"error|fatal|failed|denied|unauthorized|no such|no
 
 
 def failing_lines(pods: Iterable[Manifest]) -> str:
-    """Return the lines that tell why a build failed, with the step; empty: its pods do not say."""
+    """Return the lines that show why a build failed, with the step; empty: the pods' statuses have none."""
     for pod in pods:
         status = pod.get("status") or {}
         for container in [*(status.get("initContainerStatuses") or ()), *(status.get("containerStatuses") or ())]:
@@ -42,5 +42,5 @@ def _told(step: str, ended: Mapping[str, Any]) -> str:
 
 
 def _cut(line: str) -> str:
-    """Return a long line without its middle: programs put what was done first and the cause last."""
+    """Shorten a long line in its middle: programs print what they did first and the cause last."""
     return line if len(line) <= _LINE_START + _LINE_END else f"{line[:_LINE_START]} ... {line[-_LINE_END:]}"

@@ -1,4 +1,4 @@
-"""From the `build` block of a node to what is built: one description for the cluster and the command line."""
+"""Turns a node's `build` block into a build: one description for the cluster and the command line."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robot_offload.objects.names import BUILD, child_name
 from robot_offload.render.build_job import BuildPlan
 
 SOURCE_DIR: Final = "src"
-"""Where a build Job puts the source, in the folder that is built."""
+"""Where a build Job puts the source, in the build's folder."""
 _HIGHEST_USER: Final = 65534
 _ARCHITECTURE: Final = "kubernetes.io/arch"
 
 
 def from_git(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
-    """Return what a builder outside the cluster is told: it fetches the source itself."""
+    """Return the specification for a builder outside the cluster, which fetches the source itself."""
     credentials: Literal["None", "SSH", "Token"] = (
         "None" if build.git_secret is None else "SSH" if build.git.over_ssh else "Token"
     )
@@ -27,16 +27,16 @@ def from_git(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
 
 
 def in_cluster(spec: RobotOffloadSpec, node: Node, build: NodeBuild) -> BuildSpec:
-    """Return what a build Job is told: the source is in a folder already, so no layer of a moved branch can be old."""
+    """Return what a build Job uses: the source is already in a folder, so no layer of a moved branch can be old."""
     return _spec(spec, node, build).model_copy(update={"workspace": WorkspaceSource(paths=(SOURCE_DIR,))})
 
 
 def build_plans(offload: RobotOffload, rebuild: str) -> tuple[BuildPlan, ...]:
-    """Return every image that the resource asks to build; nodes that are built from the same share one.
+    """Return every image that the resource asks to build; nodes with equal builds share one.
 
     Args:
-        offload: as it was accepted.
-        rebuild: any text; another one asks for another build of the same specification.
+        offload: as accepted.
+        rebuild: any text; a changed one requests another build of the same specification.
     """
     spec, registry = offload.spec, offload.spec.cloud.registry
     plans: dict[str, BuildPlan] = {}
@@ -45,8 +45,8 @@ def build_plans(offload: RobotOffload, rebuild: str) -> tuple[BuildPlan, ...]:
             continue
         told = in_cluster(spec, node, node.build)
         placed = {label: value for label, value in node.node_selector.items() if label == _ARCHITECTURE}
-        # Not the Dockerfile and no defaults: a newer operator that writes it in other words, or knows further fields,
-        # is no reason to build everything anew.
+        # Not the Dockerfile and no defaults: a newer operator that words it differently, or knows further fields, must
+        # not build everything anew.
         key = config_hash(
             told.model_dump(mode="json", exclude_defaults=True),
             node.build.git.model_dump(mode="json", exclude_defaults=True),

@@ -1,7 +1,7 @@
-"""The life of the images that are built in the cluster: which Job is wanted, what came of it, what a node runs.
+"""The life of the images that are built in the cluster: the wanted Job, its result, and what a node runs.
 
-What was built is written down in a ConfigMap, because Jobs and their pods go away. While another image is built a node
-keeps the one that it has; nobody but the operator writes that record, and losing it costs a build, never a running pod.
+Results are recorded in a ConfigMap, because Jobs and their pods go away. While another image is built a node keeps its
+present one. Only the operator writes that record; losing it costs a build, never a running pod.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from robot_offload.objects.parent import Parent, Part
 from robot_offload.render.build_job import BuildPlan, build_files, build_job
 
 REBUILD: Final = "robotoffload.dev/rebuild"
-"""Annotation on the RobotOffload: any new text in it asks to build every image again, from what branches are now."""
+"""Annotation on the RobotOffload: new text in it requests a build of every image from the branches' present state."""
 SECRET_WAIT_S: Final = 15.0
 """Seconds after which a missing Secret is looked for again: Secrets of users are not watched."""
 _POD_WAIT_S: Final = 20.0
-"""Seconds after which a Job without a pod is said to be refused one."""
+"""Seconds after which a Job without a pod is reported as refused."""
 _DIGEST: Final = re.compile(r"sha256:[0-9a-f]{64}")
 _COMMIT: Final = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
 
@@ -40,9 +40,9 @@ class Built:
     """An image that was built.
 
     Attributes:
-        key: of the build that it came from; empty: not known any more.
+        key: of its build; empty: no longer known.
         image: its reference, by digest.
-        commit: of the source; empty: not known any more.
+        commit: of the source; empty: no longer known.
     """
 
     key: str
@@ -52,12 +52,12 @@ class Built:
 
 @dataclass(frozen=True, slots=True)
 class Builds:
-    """What is wanted of the images of one RobotOffload.
+    """The decision about the images of one RobotOffload.
 
     Attributes:
-        manifests: objects to make: the record, and Jobs with their files.
+        manifests: objects to create: the record, and Jobs with their files.
         kept: objects that stay as they are: a Job never changes.
-        images: what each node runs; a node without an image yet is missing.
+        images: the image of each node; a node without an image yet is missing.
         verdict: for the condition ImageBuilt.
         recheck_s: seconds after which time alone may change this; None: never.
     """
@@ -76,13 +76,13 @@ class Builds:
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """What there is.
+    """The present state.
 
     Attributes:
-        live: objects of the children's labels, whoever they belong to.
+        live: objects with the children's labels, of any owner.
         pods: of the build Jobs.
-        secrets_missing: names of Secrets that builds need and that are not there.
-        secret_types: of those that are there, by name.
+        secrets_missing: names of missing Secrets that builds need.
+        secret_types: types of the existing ones, by name.
         now: our wall clock.
         refusals: why the API server refuses the pods of Jobs, by the Jobs' names.
     """
@@ -105,11 +105,11 @@ def secrets_of(offload: RobotOffload) -> frozenset[str]:
 
 
 def decide(parent: Parent, seen: Before, rebuild: str) -> Builds:
-    """Decide about every image.
+    """Decide about all images.
 
     Args:
         parent: a valid RobotOffload.
-        seen: what there is.
+        seen: the present state.
         rebuild: the text of the annotation `REBUILD`; empty: none.
     """
     plans = build_plans(parent.offload, rebuild)
@@ -138,7 +138,7 @@ def decide(parent: Parent, seen: Before, rebuild: str) -> Builds:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """What is wanted of one image."""
+    """The decision about one image."""
 
     verdict: Verdict
     manifests: tuple[Manifest, ...] = ()
@@ -158,12 +158,12 @@ def _step(
     kept = tuple(key for key, it in (((JOB, plan.name), job), ((CONFIG_MAP, plan.name), files)) if it is not None)
     known = next((built for node in plan.nodes if (built := images.get(node)) and built.key == plan.key), None)
     if known is not None:
-        # Its files are of use only as long as its Job is.
+        # Its files are needed only as long as its Job exists.
         return _Step(yes("Built", _told(plan, known)), kept=kept if job is not None else (), built=known)
     if job is None:
         return _begin(parent, plan, seen, files)
     pods = [pod for pod in seen.pods if (controller_of(pod) or {}).get("uid") == job["metadata"]["uid"]]
-    # The newest first: one that was evicted has nothing to tell.
+    # The newest first: an evicted one reports nothing.
     pods.sort(key=lambda pod: pod["metadata"].get("creationTimestamp") or "", reverse=True)
     if being_deleted(job):
         return _Step(unknown("Building", f"{_subject(plan)} is built again when Job {plan.name} is gone"), kept=kept)
@@ -171,7 +171,7 @@ def _step(
         built = _result(plan, pods)
         if built is not None:
             return _Step(yes("Built", _told(plan, built)), kept=kept, built=built)
-        # Nobody looked before its pod was gone, and without a digest there is nothing to run: the Job makes way.
+        # Its pod was gone before its digest was read, and without a digest nothing can run: the Job is deleted.
         return _Step(unknown("Building", f"what Job {plan.name} built is not known; {_subject(plan)} is built again"))
     if failed := _condition(job, "Failed"):
         return _Step(_failed(plan, failed, pods), kept=kept)
@@ -201,7 +201,7 @@ def _begin(parent: Parent, plan: BuildPlan, seen: Before, files: Manifest | None
 
 
 def _secrets(plan: BuildPlan) -> Iterator[tuple[str, str]]:
-    """Yield the Secrets that a build reads, each with the only type that it may have."""
+    """Yield the Secrets that a build reads, each with its only permitted type."""
     if plan.build.git_secret is not None:
         kind = "ssh-auth" if plan.build.git.over_ssh else "basic-auth"
         yield plan.build.git_secret.name, f"kubernetes.io/{kind}"
@@ -245,7 +245,7 @@ def _failed(plan: BuildPlan, failed: Mapping[str, Any], pods: Sequence[Manifest]
 
 
 def _recorded(offload: RobotOffload, ours: Mapping[Key, Manifest], name: str) -> dict[str, Built]:
-    """Return what each node has an image from: the record, or else the Deployment that runs."""
+    """Return each node's present image: from the record, or else from the running Deployment."""
     record = (ours.get((CONFIG_MAP, name)) or {}).get("data") or {}
     found = {}
     for node in offload.spec.built_nodes:
@@ -274,14 +274,14 @@ def _written(built: Built) -> str:
 
 
 def image_of(deployment: Manifest | None) -> str:
-    """Return the image that a Deployment runs; empty: there is none."""
+    """Return the image of a Deployment; empty: there is none."""
     template = ((deployment or {}).get("spec") or {}).get("template") or {}
     containers = (template.get("spec") or {}).get("containers") or [{}]
     return str(containers[0].get("image") or "")
 
 
 def _result(plan: BuildPlan, pods: Iterable[Manifest]) -> Built | None:
-    """Return what the pod that pushed has told."""
+    """Return what the pod that pushed reported."""
     for pod in pods:
         for container in (pod.get("status") or {}).get("containerStatuses") or ():
             ended = (container.get("state") or {}).get("terminated") or {}
@@ -303,7 +303,7 @@ def _condition(job: Manifest, kind: str) -> Mapping[str, Any] | None:
 
 
 def _together(verdicts: Sequence[Verdict]) -> Verdict:
-    """Return the sum: what failed first, else what is under way, else all are there."""
+    """Combine verdicts: the first failure, else what is still being built, else that all images exist."""
     for truth, make in (("False", no), ("Unknown", unknown)):
         found = [verdict for verdict in verdicts if verdict.truth == truth]
         if found:

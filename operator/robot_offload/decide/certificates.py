@@ -1,12 +1,12 @@
-"""The life of the certificates of one RobotOffload: issue, renew before they end, rotate when a robot is revoked.
+"""The life of one RobotOffload's certificates: issue, renew before they end, rotate when a robot is revoked.
 
-Each Secret is decided from what is in it now, so a crash between two of them is nothing special: the next pass finds
-the half that is done. The order is authorities first, then what they sign. Only keys are random here.
+Each Secret is decided from its present content. So a crash between two of them does no harm: the next pass finds what
+is done. Authorities come first, then what they sign. Only keys are random here.
 
-An authority lives ten years, because robots carry the server's in their bundle. Leaves live `certificates.duration`
-and are made anew `renewBefore` their end. The robot's leaf is what its bundle holds: a robot that has connected with
-it makes a key of its own and gets a certificate for that (`renewal`); then the leaf counts as used, and the next bundle
-has another one. Revoking makes a new client authority at once: what it did not sign is refused from then on.
+An authority lives ten years, because robots carry the server's in their bundle. Leaves live `certificates.duration` and
+are renewed `renewBefore` their end. The robot's leaf is the one in its bundle: once connected, the robot makes its own
+key and gets a certificate for that (`renewal`); then the leaf counts as used, and the next bundle has another one.
+Revoking makes a new client authority at once: certificates that it did not sign are refused from then on.
 """
 
 from __future__ import annotations
@@ -36,33 +36,33 @@ from robot_offload.objects.parent import Parent, Part
 from robot_offload.render import pki
 
 REVOKE: Final = "robotoffload.dev/revoke"
-"""Annotation on the RobotOffload: any new text in it asks for a new client authority."""
+"""Annotation on the RobotOffload: new text in it requests a new client authority."""
 REVOKED: Final = "robotoffload.dev/revoked"
-"""Annotation on the Secrets of the client authority and of the cloud: the text that they answer."""
+"""Annotation on the Secrets of the client authority and of the cloud: the value of `REVOKE` that they answer."""
 SPENT: Final = "robotoffload.dev/used-certificates"
-"""Annotation on the robot's Secret: serial numbers that were used to get another certificate, with their ends."""
+"""Annotation on the robot's Secret: serial numbers of certificates used to get another one, with their ends."""
 RENEWED: Final = "renewed.crt"
-"""Entry of the robot's Secret: the certificate that was signed last for the robot's own key."""
+"""Entry of the robot's Secret: the last certificate signed for the robot's own key."""
 AUTHORITY_DAYS: Final = 3650
 
 Leaf: TypeAlias = Literal["cloud", "robot"]
 LEAVES: Final[tuple[Leaf, ...]] = ("cloud", "robot")
 Role: TypeAlias = Authority | Leaf
 ROLES: Final[tuple[Role, ...]] = (*authorities.AUTHORITIES, *LEAVES)
-"""In the order in which they are made."""
+"""In the order in which they are created."""
 
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """What is wanted of the certificates, after those that had to be made were made.
+    """The wanted certificates, including those just made.
 
     Attributes:
         authorities: the Secrets for the operator's namespace, new and kept, in the order of `AUTHORITIES`.
         leaves: the Secrets beside the robot, in the order of `LEAVES`.
-        made: which were made anew, and why: (role, verdict).
+        made: those newly made, and why: (role, verdict).
         verdict: for the condition CertificatesReady.
-        recheck_s: seconds until the first of them is to be renewed.
-        answer: to the robot's request for a certificate; None: it has none.
+        recheck_s: seconds until the first renewal.
+        answer: to the robot's request for a certificate; None: there is no request.
     """
 
     authorities: tuple[Manifest, ...]
@@ -80,11 +80,11 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class _Own:
-    """What was signed for keys that the robot has made itself.
+    """The certificates signed for the robot's own keys.
 
     Attributes:
         newest: the last certificate; None: none yet.
-        spent: serial numbers of certificates that were used to get another one, and when each ends.
+        spent: serial numbers of certificates used to get another one, and when each ends.
     """
 
     newest: x509.Certificate | None = None
@@ -93,7 +93,7 @@ class _Own:
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """A certificate with its key, taken apart."""
+    """A certificate with its key, parsed."""
 
     pem: pki.KeyPair
     certificate: x509.Certificate
@@ -107,12 +107,12 @@ def secret_name(offload: str, role: Leaf) -> str:
 
 
 def secret_keys(offload: str) -> dict[Leaf, Key]:
-    """Return where the Secret of each leaf is."""
+    """Return the key of each leaf's Secret."""
     return {role: (SECRET, secret_name(offload, role)) for role in LEAVES}
 
 
 def content_hash(secret: Manifest | None) -> str:
-    """Return a short name for what is in a Secret; empty: there is none."""
+    """Return a short hash of a Secret's content; empty: there is no Secret."""
     data = (secret or {}).get("data") or {}
     text = "\0".join(f"{key}\0{data[key]}" for key in sorted(data))
     return hashlib.sha256(text.encode()).hexdigest()[:16] if data else ""
@@ -125,14 +125,14 @@ def issue(
     now: datetime.datetime,
     request: str = "",
 ) -> Issued:
-    """Decide about every certificate and make those that are needed.
+    """Decide about all certificates and make the needed ones.
 
     Args:
         parent: a valid RobotOffload.
-        live: the Secrets that are ours, as they are.
+        live: our Secrets as they are.
         revoke: the text of the annotation `REVOKE`; empty: none.
         now: our wall clock, with its time zone.
-        request: what the robot asks for, as it came; empty: nothing.
+        request: the robot's request, unparsed; empty: none.
     """
     settings = parent.spec.transport.certificates
     life = _Life(
@@ -201,12 +201,12 @@ def ends(secret: Manifest | None) -> tuple[str, datetime.datetime] | None:
 
 
 def shown(serial: str, not_after: datetime.datetime) -> dict[str, str]:
-    """Return a certificate as the status names it."""
+    """Return a certificate in the form of the status."""
     return {"serial": serial, "notAfter": not_after.astimezone(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")}
 
 
 def _own(secret: Manifest | None, client: _Pair) -> _Own:
-    """Return what was signed for the robot's own keys by the present authority."""
+    """Return the certificates signed for the robot's own keys by the present authority."""
     data = (secret or {}).get("data") or {}
     noted = ((secret or {}).get("metadata", {}).get("annotations") or {}).get(SPENT) or "{}"
     try:
@@ -251,7 +251,7 @@ class _Life:
     now: datetime.datetime
 
     def renewal(self, certificate: x509.Certificate) -> datetime.datetime:
-        """Return when a certificate is made anew: `margin` before its end, not in the first half of a short life."""
+        """Return when to renew a certificate: `margin` before its end, not in the first half of a short life."""
         begin, end = certificate.not_valid_before_utc, certificate.not_valid_after_utc
         return max(end - self.margin, begin + (end - begin) / 2)
 
@@ -305,7 +305,7 @@ def _other_robot(pair: _Pair | None, name: str) -> Verdict | None:
 
 
 def _read(secret: Manifest | None) -> _Pair | None:
-    """Return the pair in a Secret; None: there is none, or certificate and key do not fit."""
+    """Return the pair in a Secret; None: there is none, or certificate and key do not match."""
     data = (secret or {}).get("data") or {}
     try:
         pem = pki.KeyPair(base64.b64decode(data["tls.crt"]), base64.b64decode(data["tls.key"]))
@@ -330,13 +330,13 @@ def _robot_secret(parent: Parent, robot: _Pair, server: _Pair, own: _Own) -> Man
 
 
 def _spent(own: _Own) -> dict[str, str]:
-    """Return the annotation that names spent certificates; it stands on the authority as well, which lives longer."""
+    """Return the annotation with the spent certificates; it is also on the authority, which lives longer."""
     spent = {f"{serial:x}": end.isoformat() for serial, end in sorted(own.spent.items())}
     return {SPENT: json.dumps(spent)} if spent else {}
 
 
 def _identity(server: _Pair) -> dict[str, str]:
-    """Return the annotation that says by which uid the robot knows its cloud, when it is an earlier one's."""
+    """Return the annotation with the uid by which the robot knows its cloud, if that is an earlier RobotOffload's."""
     found = server.annotations.get(authorities.IDENTITY)
     return {authorities.IDENTITY: found} if found else {}
 

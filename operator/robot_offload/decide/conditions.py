@@ -1,4 +1,4 @@
-"""The conditions of the status, each from a pure check, and `Ready`, which sums them up."""
+"""The conditions of the status, each from a pure check, and `Ready`, which summarizes them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robot_offload.findings import Finding
 from robot_offload.kube.port import Manifest
 
 MAX_MESSAGE: Final = 32_768
-"""Characters in a message, as the schema limits them."""
+"""Characters in a message: the schema's limit."""
 
 
 def spec_valid(errors: Sequence[Finding], warnings: Sequence[Finding] = ()) -> Verdict:
-    """Return whether the specification can be carried out; every problem at once, one a line."""
+    """Return whether the specification can be used; the message has every problem, one a line."""
     if errors:
         lines = "\n".join(finding.line() for finding in errors)
         return no(errors[0].reason, f"{lines}\nThe children stay as they are until this is corrected")
@@ -43,8 +43,8 @@ def discovery_ready(servers: int, verdicts: Iterable[Verdict]) -> Verdict:
 def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
     """Return whether the cloud can serve the robot, wherever the robot is.
 
-    False with the reason of the first that is false, one that waits for a person before one that time may mend; else
-    unknown with that of the first unknown.
+    False with the reason of the first false condition, those that wait for a person before those that time may mend;
+    else Unknown with the reason of the first unknown.
     """
     for truth, make in (("False", no), ("Unknown", unknown)):
         found = {name: verdicts[name] for name in CLOUD_TYPES if name in verdicts and verdicts[name].truth == truth}
@@ -56,7 +56,7 @@ def ready(verdicts: Mapping[str, Verdict]) -> Verdict:
 
 
 def progress(summed: Verdict) -> dict[str, Verdict]:
-    """Return whether what is not ready will become so by itself (Reconciling) or waits for somebody (Stalled)."""
+    """Return whether what is not ready will become so by itself (Reconciling) or waits for a person (Stalled)."""
     if summed.holds:
         return {}
     name = "Stalled" if summed.reason in FOR_PEOPLE or summed.message.startswith("SpecValid:") else "Reconciling"
@@ -69,9 +69,9 @@ def conditions(
     """Return the list for the status, in its fixed order.
 
     Args:
-        verdicts: by type, without Ready. A type that is missing keeps its last condition.
-        before: the conditions as they were last written.
-        generation: which the verdicts are about.
+        verdicts: by type, without Ready. A missing type keeps its last condition.
+        before: the conditions as last written.
+        generation: of the verdicts.
         now: our wall clock.
     """
     old = {condition["type"]: condition for condition in before}

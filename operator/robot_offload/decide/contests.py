@@ -1,7 +1,7 @@
-"""Fights over fields: another controller sets what we have set, we take it back, and so on for ever.
+"""Fights over fields: another controller changes our fields, we take them back, and so on for ever.
 
-Taking a field back a few times is healing. More than that is a fight, which nobody wins and which costs the API server
-two writes each time: the operator then pauses longer and longer, and reports who is on the other side.
+Taking a field back a few times is healing. More is a fight that neither side wins and that costs the API server two
+writes each time: the operator then pauses longer and longer, and reports the other side.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robot_offload.decide.verdicts import Verdict, no
 from robot_offload.kube.port import FIELD_MANAGER, Manifest
 
 FREE: Final = 3
-"""How often within `WINDOW_S` a child is put right without any pause."""
+"""How often within `WINDOW_S` a child is corrected without a pause."""
 WINDOW_S: Final = 60.0
 FIRST_PAUSE_S: Final = 30.0
 LONGEST_PAUSE_S: Final = 600.0
@@ -23,12 +23,12 @@ LONGEST_PAUSE_S: Final = 600.0
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """How often a child was taken back of late.
+    """How often a child was recently taken back.
 
     Attributes:
-        count: taking-backs in a row, each within `WINDOW_S` after the pause of the one before.
-        last_s: when the last one was, on the steady clock.
-        rival: who had changed the child before that.
+        count: corrections in a row, each within `WINDOW_S` after the pause of the one before.
+        last_s: the last correction, on the steady clock.
+        rival: who had changed the child before it.
     """
 
     count: int = 0
@@ -43,17 +43,17 @@ class Contest:
         return min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** (self.count - FREE))
 
     def waits_s(self, now_s: float) -> float:
-        """Return the seconds that are left of the pause; 0: the child may be taken back now."""
+        """Return the remaining seconds of the pause; 0: the child may be taken back now."""
         return max(0.0, self.last_s + self.pause_s - now_s)
 
     def taken_back(self, now_s: float, rival: str) -> Contest:
-        """Return the contest after one more taking-back."""
+        """Return the contest after one more correction."""
         calm = now_s - self.last_s > self.pause_s + WINDOW_S
         return Contest(1 if calm else self.count + 1, now_s, rival)
 
 
 def contested(there: Manifest, contest: Contest) -> Verdict:
-    """Return the verdict about a child that somebody else keeps changing."""
+    """Return the verdict about a child that another controller keeps changing."""
     other = contest.rival
     return no(
         "Contested",

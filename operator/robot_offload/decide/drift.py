@@ -1,13 +1,13 @@
-"""Whether a live object still is what we want. Decides about writes, so that a steady state needs none.
+"""Whether a live object still is what we want. Decides about writes: a steady state needs none.
 
-We own fields, not objects. A child is as wanted when every field of the wanted manifest has its value in it; what
-others add beside that (defaults, a status, an injected annotation) is theirs. Fields that Kubernetes declares atomic
-have one owner as a whole, so an entry that others add to a selector or to subjects is a change of ours. Fields that
-we no longer want are found by the digest of the whole wanted manifest, which is itself one of the wanted fields: an
+We own fields, not objects. A child is as wanted if it has every field of the wanted manifest with the same value;
+additions by others (defaults, a status, an injected annotation) are theirs. Fields that Kubernetes declares atomic have
+one owner as a whole, so an entry that others add to a selector or to subjects changes our field. Fields that we no
+longer want are found by the digest of the whole wanted manifest, which is itself one of the wanted fields: an
 annotation.
 
-The API server writes some values in its own form (quantities, times). What it made of a manifest right after we applied
-it is remembered, and counts as wanted from then on.
+The API server normalizes some values (quantities, times). Its form of a manifest right after our apply is remembered,
+and counts as wanted from then on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from robot_offload.decide.ownership import APPLIED
 from robot_offload.kube.port import Manifest
 
 _LIST_KEYS: Final = (("containerPort", "protocol"), ("port", "protocol"), ("name",), ("ip",), ("uid",), ("mountPath",))
-"""By what entries of lists of mappings are told apart, as in the API server's own schema."""
+"""The fields that identify entries of lists of mappings, as in the API server's own schema."""
 ATOMIC: Final = frozenset(
     {
         *("selector", "nodeSelector", "podSelector", "namespaceSelector", "labelSelector"),
@@ -35,11 +35,11 @@ ATOMIC: Final = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """What the API server made of a manifest.
+    """The API server's form of a manifest.
 
     Attributes:
         digest: of the manifest.
-        fields: the manifest's fields as they were in the answer.
+        fields: the manifest's fields as in the answer.
     """
 
     digest: str
@@ -47,13 +47,13 @@ class Settled:
 
 
 def digest(manifest: Manifest) -> str:
-    """Return a short name for exactly this manifest."""
+    """Return a short hash of exactly this manifest."""
     text = json.dumps(manifest, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def stamped(manifest: Manifest, uid: str) -> Manifest:
-    """Return the manifest with the annotation by which it is found unchanged later."""
+    """Return the manifest with the annotation that identifies it when unchanged."""
     metadata = manifest["metadata"]
     annotations = {**(metadata.get("annotations") or {}), APPLIED: f"{uid}/{digest(manifest)}"}
     return {**manifest, "metadata": {**metadata, "annotations": annotations}}
@@ -68,7 +68,7 @@ def in_place(wanted: Manifest, live: Manifest, settled: Settled | None) -> bool:
 
 
 def settle(wanted: Manifest, answer: Manifest) -> Settled | None:
-    """Return what to remember after an apply; None: the answer holds the manifest word for word."""
+    """Return what to remember after an apply; None: the answer contains the manifest unchanged."""
     fields = projection(wanted, answer)
     return None if fields == wanted else Settled(digest(wanted), fields)
 
@@ -98,7 +98,7 @@ def _list_projection(wanted: list[Any], live: list[Any]) -> list[Any]:
 
 
 def _keys_for(entries: list[Any]) -> tuple[str, ...] | None:
-    """Return the fields that tell the entries apart; None: order does."""
+    """Return the fields that identify the entries; None: their order does."""
     if not entries or not all(isinstance(entry, Mapping) for entry in entries):
         return None
     for keys in _LIST_KEYS:

@@ -1,8 +1,8 @@
 """Certificates from the user's own issuer: objects of cert-manager instead of our authorities.
 
-cert-manager then writes the Secrets of cloud and robot; each trusts the issuer's own authority, and insists on the
-common name of the other side, in which name and namespace of the RobotOffload stand. So one issuer may sign for many
-robots, as long as nobody else gets certificates with such names from it.
+cert-manager then writes the Secrets of cloud and robot. Each side trusts the issuer's own authority and requires the
+common name of the other side, which contains name and namespace of the RobotOffload. So one issuer may sign for many
+robots, as long as it issues such names to no other client.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def certificates(parent: Parent) -> tuple[Manifest, ...]:
     """Return the Certificates of cloud and robot; only for a RobotOffload that names an issuer."""
     cloud = {
         "usages": ["digital signature", "server auth"],
-        # Who dials an address instead of a declared name knows the cloud by this.
+        # A robot that dials an address instead of a declared name checks this name.
         "commonName": parent.certificate_name("cloud"),
         "dnsNames": list(host_names(parent.offload, parent.namespace)),
     }
@@ -36,7 +36,7 @@ def certificates(parent: Parent) -> tuple[Manifest, ...]:
 
 
 def answer(request: str) -> Answer:
-    """Return the answer to a robot that asks for a certificate: the issuer's authority is not ours to sign with."""
+    """Return the answer to a robot that requests a certificate: we cannot sign with the issuer's authority."""
     return Answer(
         digest(request),
         "OwnIssuer",
@@ -46,7 +46,7 @@ def answer(request: str) -> Answer:
 
 
 def verdict(secrets: Mapping[Role, Manifest | None]) -> Verdict:
-    """Return whether the issuer has delivered, for the condition CertificatesReady."""
+    """Return whether the issuer has delivered (condition CertificatesReady)."""
     for role in ("cloud", "robot"):
         data = (secrets.get(role) or {}).get("data") or {}
         missing = [key for key in ("tls.crt", "tls.key", "ca.crt") if not data.get(key)]
@@ -65,7 +65,7 @@ def _certificate(parent: Parent, role: Leaf, usage: Mapping[str, Any]) -> Manife
     name = secret_name(parent.name, role)
     spec: Manifest = {
         "secretName": name,
-        # The Secret carries our labels and our mark, so that it is known as ours if the issuer is dropped again.
+        # With our labels and our mark, the Secret is recognized as ours if the issuer is dropped again.
         "secretTemplate": {
             "labels": labels(parent.offload, "certificates"),
             "annotations": {APPLIED: f"{parent.uid}/issuer"},

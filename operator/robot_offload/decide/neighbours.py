@@ -1,6 +1,6 @@
-"""Warns of RobotOffloads that get into each other's way: where a network joins both sides, a domain is one room.
+"""Warns of RobotOffloads that disturb each other: where a network joins both sides, they share a ROS domain.
 
-Only those of one Kubernetes namespace are compared: the names of others are not their users' to read.
+Only those of one namespace are compared: a user may not be allowed to read the names of others.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from robot_offload.findings import Finding
 from robot_offload.kube.port import Manifest
 
 _JOINED: Final = ("DiscoveryServer", "StaticPeers")
-"""Transports with which robots and clouds are in one DDS network."""
+"""Transports that put robots and clouds into one DDS network."""
 COMPARED: Final = 200
-"""Of a namespace with more the rest is not looked at: each one is read at each pass."""
+"""Most RobotOffloads of a namespace that are compared: each one is read at each pass."""
 SHOWN: Final = 3
 
 
 def matter(offload: RobotOffload) -> bool:
-    """Return whether a RobotOffload can get into the way of others at all."""
+    """Return whether a RobotOffload can disturb others at all."""
     return offload.spec.transport.type in _JOINED
 
 
 def findings(offload: RobotOffload, others: Iterable[Manifest]) -> Iterator[Finding]:
-    """Yield a warning for each kind of thing that one RobotOffload shares with others and should not.
+    """Yield a warning for each kind of thing that a RobotOffload shares with others and should not.
 
     Args:
-        offload: a valid one that `matter`s.
-        others: those of its namespace as the API server has them, itself or not.
+        offload: a valid one for which `matter` is true.
+        others: those of its namespace as the API server has them, with or without itself.
     """
     spec = offload.spec
     neighbours = [one for one in others if one["metadata"]["name"] != offload.metadata.name and _joined(one)]

@@ -1,4 +1,4 @@
-"""Whose an object is. Names never decide that: another object may carry the name of one of our children."""
+"""The owner of an object. Names never decide that: a foreign object may have the name of one of our children."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def controller_of(manifest: Manifest) -> Mapping[str, Any] | None:
 def belongs(manifest: Manifest, uid: str) -> bool:
     """Return whether the object is a child of the RobotOffload with this uid.
 
-    The owner reference decides. Where somebody has removed it our own annotation does, so that the child is put right
-    instead of being mourned as a stranger's.
+    The owner reference decides. If it was removed, our own annotation does, so that the child is repaired and not
+    reported as foreign.
     """
     owner = controller_of(manifest)
     if owner is not None:
@@ -47,11 +47,11 @@ def belongs(manifest: Manifest, uid: str) -> bool:
 
 
 def owner_described(manifest: Manifest) -> str:
-    """Return whose an object is, in words."""
+    """Return the owner of an object, in words."""
     owner = controller_of(manifest)
     return f"belongs to {owner.get('kind')} {owner.get('name')}" if owner else "has no owner"
 
 
 def being_deleted(manifest: Manifest) -> bool:
-    """Return whether the object is on its way out."""
+    """Return whether the object is being deleted."""
     return bool(manifest["metadata"].get("deletionTimestamp"))

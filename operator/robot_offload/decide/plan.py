@@ -1,4 +1,4 @@
-"""From wanted and live objects to the writes that are left: apply, delete, or say why not."""
+"""From wanted and live objects to the remaining writes: apply, delete, or the reason why not."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Apply:
 
     Attributes:
         manifest: what to apply, stamped.
-        force: whether fields that others changed are taken back: only on objects that are ours already.
-        uid: a precondition: what was looked at is what is written to, or nothing is; empty: there was nothing.
-        rival: who has changed it since exactly this was applied; empty: nobody, it is another manifest.
+        force: whether to take back fields that others changed: only on objects that are already ours.
+        uid: a precondition: only the object that was read is written to; empty: it did not exist.
+        rival: who changed it since exactly this was applied; empty: nobody, the manifest is new.
     """
 
     manifest: Manifest
@@ -47,14 +47,14 @@ class Apply:
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """A child that cannot be made now.
+    """A child that cannot be applied now.
 
     Attributes:
         reason: one CamelCase word.
         message: whose the name is, and what to do.
-        passing: whether it goes away by itself.
-        recheck_s: seconds after which to try again though nothing happens; None: an event will follow.
-        key: the object that is in the way; None: none is.
+        passing: whether it resolves itself.
+        recheck_s: seconds after which to retry without an event; None: an event will follow.
+        key: the object that is in the way; None: there is none.
     """
 
     reason: str
@@ -69,10 +69,10 @@ class Plan:
     """All writes of one pass, in order.
 
     Attributes:
-        applies: children to make or to put right.
+        applies: children to create or to correct.
         deletes: children that are no longer wanted, as they are live.
-        obstacles: children that cannot be made.
-        additions: what others have added to children, in words.
+        obstacles: children that cannot be applied.
+        additions: what others added to children, in words.
     """
 
     applies: tuple[Apply, ...] = ()
@@ -93,12 +93,12 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """What earlier passes have learnt about the children; losing it costs requests, never correctness.
+    """What earlier passes learnt about the children; losing it costs requests, never correctness.
 
     Attributes:
-        settled: what the API server made of earlier manifests.
-        applied: the digest of what was last applied, by child.
-        contests: children that somebody else keeps changing.
+        settled: the API server's form of earlier manifests.
+        applied: the digest last applied, by child.
+        contests: children that another controller keeps changing.
     """
 
     settled: dict[Key, Settled] = field(default_factory=dict)
@@ -106,7 +106,7 @@ class History:
     contests: dict[Key, Contest] = field(default_factory=dict)
 
     def remember(self, step: Apply, answer: Manifest, now_s: float) -> None:
-        """Note what came of an apply."""
+        """Record the result of an apply."""
         key = key_of(step.manifest)
         if step.rival:
             self.contests[key] = self.contests.get(key, Contest()).taken_back(now_s, step.rival)
@@ -118,7 +118,7 @@ class History:
             self.settled[key] = kept
 
     def forget(self, key: Key) -> None:
-        """Drop what is known about a child that is no more."""
+        """Drop what is known about a deleted child."""
         for part in (self.settled, self.applied, self.contests):
             part.pop(key, None)
 
@@ -135,11 +135,11 @@ def plan(
     """Compare wanted with live.
 
     Args:
-        wanted: the children, in the order in which they are to be applied.
-        live: all objects of the children's labels, and any other object that has the name of a wanted child.
+        wanted: the children, in the order in which to apply them.
+        live: all objects with the children's labels, and any other object with the name of a wanted child.
         uid: of the RobotOffload.
         prunable: the only children that may be deleted, if they are ours and not among `wanted`.
-        history: what earlier passes have learnt.
+        history: what earlier passes learnt.
         now_s: our steady clock.
     """
     known = history or History()

@@ -1,7 +1,7 @@
-"""Whether the robot is there, from its Lease, and what follows for the pods of its nodes.
+"""Whether the robot is connected, from its Lease, and what follows for the pods of its nodes.
 
-The Lease's own times come from another host's clock and are never compared with ours. What counts is when we last saw
-its `renewTime` change, on our steady clock.
+The Lease's own times come from another host's clock and are never compared with ours. What counts is when we last
+saw its `renewTime` change, on our steady clock.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from robot_offload.decide.verdicts import Verdict, no, yes
 from robot_offload.kube.port import Manifest
 
 DEFAULT_DURATION_S: Final = 30.0
-"""Of a Lease that does not say how long it holds: three of the reporter's periods."""
+"""Of a Lease without a duration: three of the reporter's periods."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The Lease as it was last seen to change.
+    """The last observed change of the Lease.
 
     Attributes:
         renewed: its holder and `renewTime`, as text.
         changed_s: when that changed, on our steady clock.
-        first: whether no change was seen yet, only the Lease itself: it may be a dead robot's.
+        first: whether only the Lease itself was seen so far, no change: it may be a dead robot's.
     """
 
     renewed: str
@@ -35,12 +35,12 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Whether the robot is there.
+    """Whether the robot is connected.
 
     Attributes:
-        connected: it is.
+        connected: whether it is.
         since: when that last changed, by our wall clock; for people and for idle times of minutes.
-        last_seen: until when it was connected, while it is not; None: never.
+        last_seen: when it was last connected, if it is not now; None: never.
         verdict: the same for the condition Connected.
         recheck_s: seconds after which the answer may change without any event; None: never.
     """
@@ -62,12 +62,12 @@ def look(before: Sighting | None, lease: Manifest | None, now_s: float) -> Sight
 
 
 def duration_s(lease: Manifest | None) -> float:
-    """Return for how many seconds a Lease holds after it has moved."""
+    """Return for how many seconds a Lease is valid after a renewal."""
     return float(((lease or {}).get("spec") or {}).get("leaseDurationSeconds") or DEFAULT_DURATION_S)
 
 
 def meaning(lease: Manifest) -> tuple[Any, ...]:
-    """Return what a Lease says apart from being renewed: when that changes, a pass is needed."""
+    """Return the content of a Lease apart from its renewal: a change needs a pass."""
     metadata = lease["metadata"]
     return (
         (lease.get("spec") or {}).get("holderIdentity"),
@@ -84,7 +84,7 @@ def presence(
     now_s: float,
     now: datetime.datetime,
 ) -> Presence:
-    """Return whether the robot is there.
+    """Return whether the robot is connected.
 
     Args:
         lease: the robot's Lease.
@@ -111,7 +111,7 @@ def _connected(
     left_s = sighting.changed_s + duration_s(lease) - now_s
     if left_s <= 0:
         return False, None
-    # After our own start an old Lease looks like a fresh one: what we said last holds until it moves or runs out.
+    # After our start an old Lease looks like a fresh one: our last answer holds until it moves or expires.
     connected = bool(before.get("connected", True)) if sighting.first else True
     return connected, left_s
 
@@ -129,7 +129,7 @@ def _verdict(lease: Manifest | None, connected: bool, last_seen: datetime.dateti
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which pods of nodes are wanted.
+    """The wanted pods of nodes.
 
     Attributes:
         nodes: whether any are wanted. Rendering decides about Cold ones, which also need a connected robot.
@@ -143,7 +143,7 @@ class Wanted:
 
 
 def wanted(spec: RobotOffloadSpec, robot: Presence, now: datetime.datetime) -> Wanted:
-    """Return which pods of nodes are wanted; the cloud agent and the discovery servers always are."""
+    """Decide which pods of nodes are wanted; the cloud agent and the discovery servers always are."""
     if spec.replicas == 0:
         return Wanted(False, no("SwitchedOff", "spec.replicas is 0: the nodes in the cloud have no pods"))
     idle_s = spec.scale.idle_timeout_ms / 1000

@@ -1,4 +1,4 @@
-"""The certificate with which the robot dials: what is known of it, and whether somebody must do something about it."""
+"""The certificate with which the robot dials: what is known of it, and whether a person must act."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from robot_offload.decide.verdicts import Verdict, no, unknown, yes
 
 @dataclass(frozen=True, slots=True)
 class Presented:
-    """What the robot dials with.
+    """The certificate with which the robot dials.
 
     Attributes:
         serial: of the certificate, hexadecimal.
-        not_after: when it ends.
+        not_after: its end.
         stuck: why the robot cannot get another one, as (reason, message); None: it can, or need not yet.
     """
 
@@ -28,7 +28,7 @@ class Presented:
 
 
 def presented(state: AgentState | None, before: Mapping[str, Any]) -> Presented | None:
-    """Return what the robot says, or has said last; None: it never has.
+    """Return the robot's present or last report; None: it never sent one.
 
     Args:
         state: of the cloud's agent.
@@ -49,12 +49,12 @@ def presented(state: AgentState | None, before: Mapping[str, Any]) -> Presented 
 def verdict(
     found: Presented | None, answer: Answer | None, margin: datetime.timedelta, now: datetime.datetime
 ) -> Verdict:
-    """Return whether the robot's certificate is good for a while, for the condition CertificateCurrent.
+    """Return whether the robot's certificate is good for a while (condition CertificateCurrent).
 
     Args:
-        found: what the robot dials with.
-        answer: to its present request for another one; None: it asks for none.
-        margin: `certificates.renewBefore`; a robot that has let half of it pass does not renew by itself.
+        found: the certificate with which the robot dials.
+        answer: to its present request for another one; None: there is no request.
+        margin: `certificates.renewBefore`; once half of it has passed, the robot no longer renews by itself.
         now: our wall clock.
     """
     if found is None:
@@ -73,7 +73,7 @@ def verdict(
 
 
 def recheck_s(found: Presented | None, margin: datetime.timedelta, now: datetime.datetime) -> float | None:
-    """Return the seconds after which the verdict changes by itself; None: never."""
+    """Return the seconds after which the verdict changes without an event; None: never."""
     if found is None:
         return None
     ahead = [(moment - now).total_seconds() for moment in (found.not_after - margin / 2, found.not_after)]

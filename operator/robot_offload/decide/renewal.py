@@ -1,9 +1,9 @@
 """The robot's own key: whether a certificate is signed for it. Pure; only serial numbers are random.
 
-The robot makes a key, asks through its data session, and proves the request with the key that it holds already: the one
-of its bundle, or its last own one. So neither the cloud's agent nor whoever writes the robot's Lease can ask for it.
-Each certificate is good for one such request. When a copy of it was used first, the robot's own request is refused and
-the condition CertificateCurrent says so. The reasons are in docs/decisions/0011-certificates-by-the-robot.md.
+The robot makes a key, sends a request through its data session, and proves it with the key that it already has: that
+of its bundle, or its last own one. So neither the cloud's agent nor another writer of the robot's Lease can do so.
+Each certificate is good for one such request. If a copy of it was used first, the robot's own request is refused and
+the condition CertificateCurrent reports it. The reasons are in docs/decisions/0011-certificates-by-the-robot.md.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from cryptography.x509.oid import NameOID
 from robot_offload.render import pki
 
 PROVED: Final = b"robot-offload renewal\n"
-"""Stands before the request in what the robot signs, so that the signature is good for nothing else."""
+"""Prefix of the request in what the robot signs, so that the signature has no other use."""
 MAX_SPENT: Final = 16
-"""Certificates that may be remembered as used; each is forgotten when it ends."""
+"""Certificates that may be remembered as used; each is forgotten at its end."""
 ISSUED: Final = "Issued"
 
 
 class RequestError(ValueError):
-    """A text that is no request of ours."""
+    """A text that is not a renewal request."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a robot asks for.
+    """A robot's request.
 
     Attributes:
         digest: names the request in its answer.
@@ -55,7 +55,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What becomes of a request.
+    """The answer to a request.
 
     Attributes:
         digest: of the request.
@@ -77,16 +77,16 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Signer:
-    """What signs, and what was signed before.
+    """The signing authority, and the certificates signed before.
 
     Attributes:
         authority: the client authority.
         robot: the robot's name.
-        days: how long a certificate is valid.
-        bundled: the serial number of the certificate that the bundle holds: its key has travelled, so it may be
+        days: validity of a certificate.
+        bundled: the serial number of the certificate in the bundle: its key has travelled, so it may be
             replaced at once.
-        newest: what was signed last for a robot's own key; None: nothing yet.
-        spent: serial numbers of certificates that were used in a request, and when each of them ends.
+        newest: the last certificate signed for a robot's own key; None: none yet.
+        spent: serial numbers of certificates used in a request, and when each of them ends.
     """
 
     authority: pki.KeyPair
@@ -98,7 +98,7 @@ class Signer:
 
 
 def digest(text: str) -> str:
-    """Return what names a request in its answer."""
+    """Return the name of a request in its answer."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -106,7 +106,7 @@ def read_request(text: str) -> Request:
     """Read a request: three parts in base64, joined by points.
 
     Raises:
-        RequestError: it is none.
+        RequestError: the text is not a request.
     """
     try:
         asked, presented, proof = (base64.b64decode(part, validate=True) for part in text.split("."))
@@ -115,7 +115,7 @@ def read_request(text: str) -> Request:
         signed = request.signing_request.is_signature_valid
     except (ValueError, TypeError, binascii.Error, InvalidSignature) as error:
         raise RequestError(f"the robot's request cannot be read: {error}") from error
-    except Exception as error:  # cryptography has further errors for odd keys and algorithms
+    except Exception as error:  # cryptography raises further errors for odd keys and algorithms
         raise RequestError(f"the robot's request cannot be read: {type(error).__name__}: {error}") from error
     if not all(isinstance(key, ec.EllipticCurvePublicKey) and key.curve.name == "secp256r1" for key in keys):
         raise RequestError("the robot's request is for another kind of key than ECDSA on P-256")
@@ -128,8 +128,8 @@ def answer(text: str, signer: Signer, now: datetime.datetime) -> Answer:
     """Decide about a request, and sign.
 
     Args:
-        text: the request, as it came.
-        signer: what signs.
+        text: the request, unparsed.
+        signer: the signing authority.
         now: our wall clock, with its time zone.
     """
     try:
@@ -141,7 +141,7 @@ def answer(text: str, signer: Signer, now: datetime.datetime) -> Answer:
     key = request.signing_request.public_key()
     assert isinstance(key, ec.EllipticCurvePublicKey)
     if signer.newest is not None and signer.newest.public_key() == key:
-        pem = signer.newest.public_bytes(pki.PEM).decode()  # the answer was lost: it is the same
+        pem = signer.newest.public_bytes(pki.PEM).decode()  # the answer was lost: repeat it
         return Answer(request.digest, ISSUED, "The robot has a certificate for its own key", pem)
     if problem := _not_now(request, signer, now):
         return Answer(request.digest, *problem)
@@ -150,13 +150,13 @@ def answer(text: str, signer: Signer, now: datetime.datetime) -> Answer:
 
 
 def spent_after(request: Request, signer: Signer, now: datetime.datetime) -> dict[int, datetime.datetime]:
-    """Return which certificates count as used after a request was granted; those that have ended are left out."""
+    """Return the certificates that count as used after a request was granted, without those that have ended."""
     used = {**signer.spent, request.presented.serial_number: request.presented.not_valid_after_utc}
     return {serial: end for serial, end in used.items() if end > now}
 
 
 def _foreign(request: Request, signer: Signer, now: datetime.datetime) -> tuple[str, str] | None:
-    """Return whether somebody asks who does not hold a certificate of this robot."""
+    """Return why the requester does not hold a certificate of this robot, or None."""
     presented = request.presented
     try:
         presented.verify_directly_issued_by(x509.load_pem_x509_certificate(signer.authority.certificate))
@@ -178,7 +178,7 @@ def _foreign(request: Request, signer: Signer, now: datetime.datetime) -> tuple[
 
 
 def _not_now(request: Request, signer: Signer, now: datetime.datetime) -> tuple[str, str] | None:
-    """Return whether a holder of a certificate asks who has asked before, or asks too early or too often."""
+    """Return why the holder of a certificate may not get another one (asked before, too early, too often), or None."""
     presented = request.presented
     if presented.serial_number in signer.spent:
         message = (

@@ -1,8 +1,8 @@
-"""Whose pods may be replaced now: discovery servers one after the other, robots a few at a time.
+"""Whose pods may be replaced now: one discovery server after another, a few robots at a time.
 
 A new version of the operator changes what almost every pod reads. Without a limit the whole fleet would fall back to
-its robots at once, and both discovery servers of a robot would be gone together: nodes that start then are not found.
-What a person has just changed in one RobotOffload is not held back.
+its robots at once, and both discovery servers of a robot would be gone together, so that starting nodes are not found.
+A person's latest change to one RobotOffload is not held back.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ GIVE_UP_S: Final = 600.0
 """After this long a robot whose pods do not become ready makes room for others."""
 LOOK_AGAIN_S: Final = 5.0
 FIRST_LOOK_S: Final = 60.0
-"""For so long robots whose cloud acts wait for a first look at the others; 2,000 were seen after 76 s."""
+"""How long robots whose cloud acts wait until the others were first looked at; 2,000 were seen after 76 s."""
 AT_ONCE: Final = 10
-"""Robots whose pods are replaced at the same time, unless the operator is told another number."""
+"""Default number of robots whose pods are replaced at the same time."""
 WAITING: Final = "WaitingForTurn"
 _ENDED: Final = ("NewReplicaSetAvailable", "ProgressDeadlineExceeded")
-"""What a Deployment's condition Progressing says of a rollout that is complete, and of one that is given up."""
+"""Reasons of a Deployment's condition Progressing for a complete and for an abandoned rollout."""
 _ROLLING: Final = (DEPLOYMENT, STATEFUL_SET)
 
 
 def rolls(step: Apply, live: Mapping[Key, Manifest]) -> bool:
-    """Return whether an apply replaces pods that run."""
+    """Return whether an apply replaces running pods."""
     key = key_of(step.manifest)
     there = live.get(key)
     if key[0] not in _ROLLING or there is None or not (there.get("spec") or {}).get("replicas", 1):
@@ -42,10 +42,10 @@ def rolls(step: Apply, live: Mapping[Key, Manifest]) -> bool:
 
 
 def in_turn(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
-    """Return the plan with one StatefulSet at most that is not settled: discovery servers stand in for each other.
+    """Return the plan with at most one StatefulSet that is not settled: discovery servers stand in for each other.
 
-    A server that has just returned knows nobody until the participants have told it. Those that are not ready anyway go
-    first: a new version may be what mends them.
+    A restarted server knows no participants until they announce themselves. Servers that are not ready anyway go first:
+    a new version may mend them.
     """
     rolling = [step for step in steps.applies if key_of(step.manifest)[0] == STATEFUL_SET and rolls(step, live)]
     servers = {key: child for key, child in live.items() if key[0] == STATEFUL_SET}
@@ -58,7 +58,7 @@ def in_turn(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
 
 
 def held_back(steps: Plan, live: Mapping[Key, Manifest]) -> Plan:
-    """Return the plan without anything that replaces pods."""
+    """Return the plan without steps that replace pods."""
     held = [step for step in steps.applies if rolls(step, live)]
     return _without(steps, held, "its pods are replaced when other robots are done")
 
@@ -73,7 +73,7 @@ def _without(steps: Plan, held: Iterable[Apply], why: str) -> Plan:
 
 
 def _read_at_start(manifest: Manifest) -> Any:
-    """Return what a changed pod template shows in: images, arguments, and the hash of what its containers read."""
+    """Return what shows a changed pod template: images, arguments, and the hash of what its containers read."""
     template = (manifest.get("spec") or {}).get("template") or {}
     containers = (template.get("spec") or {}).get("containers") or ()
     return (
@@ -83,10 +83,10 @@ def _read_at_start(manifest: Manifest) -> Any:
 
 
 def under_way(child: Manifest) -> bool:
-    """Return whether the pods of a workload are being replaced, by what its own controller says of it.
+    """Return whether the pods of a workload are being replaced, according to its own controller.
 
-    So a new operator knows whose turn it was. Pods that are made for the first time, or return after a scaling, replace
-    none; a rollout past its deadline (ten minutes unless the cluster says otherwise) makes room for others.
+    This tells a new operator whose turn it was. Pods created for the first time, or after a scaling, replace none; a
+    rollout past its deadline (ten minutes unless configured otherwise) makes room for others.
     """
     status = child.get("status") or {}
     if not (child.get("spec") or {}).get("replicas", 1) or workload(child).holds:
@@ -102,17 +102,17 @@ def under_way(child: Manifest) -> bool:
 
 
 def _revision(deployment: Manifest) -> int:
-    """Return how many pod templates a Deployment has had; 0: its controller has not seen it."""
+    """Return how many pod templates a Deployment has had; 0: its controller has not yet seen it."""
     return int((deployment["metadata"].get("annotations") or {}).get("deployment.kubernetes.io/revision") or 0)
 
 
 class Budget(Generic[Name]):
-    """At most so many robots whose pods are being replaced; robots that act themselves go first.
+    """Limits the robots whose pods are being replaced; robots that act themselves go first.
 
-    Until `resume` was called nobody gets a turn: an earlier operator may have begun with as many as are allowed.
+    Until `resume` is called no robot gets a turn: an earlier operator may have begun with the maximum.
 
     Args:
-        at_once: how many.
+        at_once: the limit.
     """
 
     def __init__(self, at_once: int) -> None:
@@ -122,10 +122,10 @@ class Budget(Generic[Name]):
         self._waiting: dict[Name, float] = {}
 
     def may_roll(self, name: Name, now_s: float, *, cloud_acts: bool) -> bool:
-        """Return whether a robot's pods may be replaced now, and take its turn if so.
+        """Return whether a robot's pods may be replaced now, and if so give it a turn.
 
         Args:
-            name: which one.
+            name: of the RobotOffload.
             now_s: the steady clock.
             cloud_acts: whether its cloud acts: such a robot waits for those that lose nothing.
         """
@@ -145,18 +145,18 @@ class Budget(Generic[Name]):
         return True
 
     def resume(self, rolling: Iterable[Name], now_s: float, alone: Iterable[Name] = ()) -> None:
-        """Give turns to those whose pods an earlier operator has begun to replace.
+        """Give turns to the robots whose pods an earlier operator began to replace.
 
         Args:
             rolling: those robots.
             now_s: the steady clock.
-            alone: robots whose cloud does not act. Nobody has looked at them yet; those whose cloud acts wait for that.
+            alone: robots whose cloud does not act, not looked at yet; those whose cloud acts wait for them.
         """
         self._turns |= dict.fromkeys(rolling, now_s)
         self._waiting |= dict.fromkeys(alone, now_s + FIRST_LOOK_S)
         self._resumed = True
 
     def done(self, name: Name) -> None:
-        """Note that all pods of a robot are ready, or that it is gone."""
+        """Record that all pods of a robot are ready, or that it is gone."""
         self._turns.pop(name, None)
         self._waiting.pop(name, None)

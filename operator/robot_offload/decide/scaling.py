@@ -1,4 +1,4 @@
-"""How many pods a pool has: what an autoscaler asked of the Deployment, within what the resource allows."""
+"""How many pods a pool has: the autoscaler's number, within the resource's limits."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from robot_offload.objects.labels import MOST_PODS
 
 
 def followed(wanted: Manifest, live: Manifest) -> Manifest:
-    """Return a Deployment with the number of pods that the live one was scaled to, where an autoscaler may do that.
+    """Return a Deployment with the live one's number of pods, if an autoscaler may set it.
 
-    Zero is ours: a pool without a robot has no pods, and an autoscaler leaves a Deployment with none alone.
+    Zero is ours: a pool without a robot has no pods, and an autoscaler does not change a Deployment with zero.
 
     Args:
         wanted: a child; `spec.replicas` is the least number, an annotation the largest.

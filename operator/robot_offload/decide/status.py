@@ -1,4 +1,4 @@
-"""The status of a RobotOffload, built once a pass from everything that was found."""
+"""The status of a RobotOffload, built once a pass from all findings."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from robot_offload.objects.names import node_child
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a pass has found out about a valid RobotOffload.
+    """The findings of a pass about a valid RobotOffload.
 
     Attributes:
-        robot: whether it is there.
+        robot: its presence.
         robot_generation: the generation whose settings the robot runs.
         dials: addresses of the cloud in the robot's bundle.
         placement: which side acts.
-        endpoints: where the robot reaches the cloud.
+        endpoints: the cloud's addresses for the robot.
         wanted: which pods of nodes are wanted.
         live: the children as they are now.
-        commits: what the images of nodes were built from, by node.
-        certificates: serial numbers and ends, as the status names them.
-        pods: their pods, as far as they were looked at.
-        hold: the pin that is in force.
-        audit: the robot's audit trail, as the status names it.
+        commits: the source commits of the nodes' images, by node.
+        certificates: serial numbers and ends, as in the status.
+        pods: the children's pods, as far as they were read.
+        hold: the pin in force.
+        audit: the robot's audit trail, as in the status.
     """
 
     robot: Presence
@@ -66,12 +66,12 @@ def build(
     """Return the status to write.
 
     Args:
-        before: the status as it is; what a pass could not find out stays as it was.
+        before: the present status; what a pass could not find out is kept.
         generation: of the specification.
         verdicts: by type of condition, without Ready.
         now: our wall clock.
-        offload: the resource, when it is valid.
-        found: the rest, when the resource is valid and the cluster could be read.
+        offload: the resource, if it is valid.
+        found: the rest, if the resource is valid and the cluster could be read.
     """
     status = dict(before)
     status["observedGeneration"] = generation
@@ -82,7 +82,7 @@ def build(
 
 
 def patch(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the merge patch from one status to the other; empty: nothing has changed."""
+    """Return the merge patch from one status to the other; empty: they are equal."""
     result: dict[str, Any] = {}
     for key in {*before, *after}:
         old, new = before.get(key), after.get(key)

@@ -1,6 +1,6 @@
-"""The head of a robot's audit trail in the status: out of the robot's reach, written once a minute at most. Pure.
+"""The head of a robot's audit trail in the status: out of the robot's reach, written at most once a minute. Pure.
 
-Who has the newest entry's number and digest sees when the trail is cut or written anew (`audit verify --head`).
+With the newest entry's number and digest, a cut or rewritten trail is noticed (`audit verify --head`).
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any, Final
 from robot_offload.decide.conditions import timestamp
 
 LEAST_S: Final = 60.0
-"""A trail that grows all the time costs one write of the status in this time."""
+"""A steadily growing trail costs one write of the status in this time."""
 
 
 def shown(audit: str, before: Mapping[str, Any], now: datetime.datetime) -> tuple[dict[str, Any], float | None]:
-    """Return what the status says of the trail, and the seconds after which to look again; None: only after a change.
+    """Return the trail's part of the status, and the seconds after which to look again; None: only after a change.
 
     Args:
-        audit: NUMBER:DIGEST, as the robot's agent says; empty: it says nothing now.
+        audit: NUMBER:DIGEST, as the robot's agent reports; empty: it reports nothing now.
         before: `status.audit` as it was last written.
         now: our wall clock.
     """
@@ -33,7 +33,7 @@ def shown(audit: str, before: Mapping[str, Any], now: datetime.datetime) -> tupl
 
 
 def restarted(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
-    """Return the sentence about a trail that no longer continues the one that was seen; empty: it does, or may."""
+    """Return the sentence about a trail that does not continue the last seen one; empty: it does, or may."""
     known, found = int(before.get("entries") or 0), int(after.get("entries") or 0)
     if not known or before.get("head") == after.get("head") or found > known:
         return ""

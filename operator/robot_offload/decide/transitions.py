@@ -1,4 +1,4 @@
-"""Which changes of the status are told as Kubernetes Events: transitions only, so a quiet object has none."""
+"""The changes of the status that become Kubernetes Events: transitions only, so a quiet object has none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TOLD: Final = (
     *("SpecValid", "ResourcesApplied", "ImageBuilt", "Connected", "ConfigCurrent", "CertificatesReady"),
     *("AddressesReady", "CertificateCurrent", "Ready"),
 )
-"""DiscoveryReady and WorkloadsAvailable are told by Ready: pods come and go for many reasons."""
+"""Ready covers DiscoveryReady and WorkloadsAvailable: pods come and go for many reasons."""
 _MAX_MESSAGE: Final = 1024
 
 
@@ -55,7 +55,7 @@ def _conditions(old: Mapping[str, Mapping[str, Any]], new: Iterable[Mapping[str,
     for condition in new:
         name, status = condition["type"], condition["status"]
         before = old.get(name)
-        # The first pass finds most things unfinished; that it was done, or must be corrected, is worth an event.
+        # The first pass finds most things unfinished; that it was applied, or must be corrected, is worth an event.
         first = before is None and (name == "ResourcesApplied" or (name == "SpecValid" and status == "False"))
         moved = before is not None and before["status"] != status
         if name not in _TOLD or not (first or moved):

@@ -9,18 +9,18 @@ from typing import Final, Literal, TypeAlias
 FOR_PEOPLE: Final = frozenset(
     {"NameTaken", "CannotRender", "Invalid", "Forbidden", "BuildFailed", "BuildsDisabled", "SecretType", "PodsRefused"}
 )
-"""Reasons that stay until somebody changes something: the specification, a right, an object that is in the way."""
+"""Reasons that last until a person changes something: the specification, a right, an object that is in the way."""
 Truth: TypeAlias = Literal["True", "False", "Unknown"]
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is true, and why.
+    """A truth value, and why.
 
     Attributes:
         truth: True, False or Unknown, as in a condition.
         reason: one CamelCase word.
-        message: a sentence with the next step, when there is one.
+        message: a sentence, with the next step if there is one.
     """
 
     truth: Truth
@@ -34,21 +34,21 @@ class Verdict:
 
 
 def yes(reason: str, message: str = "") -> Verdict:
-    """Return that it is true."""
+    """Return True as a verdict."""
     return Verdict("True", reason, message)
 
 
 def no(reason: str, message: str) -> Verdict:
-    """Return that it is false; the message names the next step."""
+    """Return False as a verdict; the message names the next step."""
     return Verdict("False", reason, message)
 
 
 def unknown(reason: str, message: str) -> Verdict:
-    """Return that it is unknown."""
+    """Return Unknown as a verdict."""
     return Verdict("Unknown", reason, message)
 
 
 def gravest(verdicts: Iterable[Verdict]) -> Verdict | None:
-    """Return the first that waits for a person, or else the first; None: there are none."""
+    """Return the first verdict that waits for a person, or else the first one; None: there are none."""
     found = list(verdicts)
     return next((verdict for verdict in found if verdict.reason in FOR_PEOPLE), found[0] if found else None)

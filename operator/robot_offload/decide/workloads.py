@@ -1,4 +1,4 @@
-"""Whether Deployments, StatefulSets and their pods do what they should, and if not, why."""
+"""Whether Deployments, StatefulSets and their pods run as they should, and if not, why."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _IMAGE_REASONS: Final = ("ImagePullBackOff", "ErrImagePull", "InvalidImageName",
 
 
 def workload(manifest: Manifest, pods: Iterable[Manifest] = (), refusal: str = "") -> Verdict:
-    """Return whether a Deployment or StatefulSet runs as many ready pods of its present form as it should.
+    """Return whether a Deployment or StatefulSet has as many ready pods of its present form as it should.
 
     Args:
         manifest: the workload.
-        pods: of it, as far as they are known.
-        refusal: why the API server refuses its pods, in that one's words; empty: the workload's status may say it.
+        pods: of the workload, as far as known.
+        refusal: why the API server refuses its pods, in its own words; empty: the workload's status may contain it.
     """
     name = manifest["metadata"]["name"]
     wanted = int((manifest.get("spec") or {}).get("replicas", 1))
@@ -61,11 +61,11 @@ def conditions(
     """Return the conditions DiscoveryReady and WorkloadsAvailable.
 
     Args:
-        offload: whose workloads.
+        offload: owner of the workloads.
         live: its children.
-        pods: of the workloads that are not as they should be; of the others they need not be given.
+        pods: of workloads that are not as they should be; those of others may be omitted.
         wanted: whether nodes should have pods.
-        why: why they should not, when they should not.
+        why: the reason if they should not.
         refusals: why the API server refuses pods, by workload.
     """
     known = list(pods)
@@ -96,14 +96,14 @@ def pods_of(manifest: Manifest, pods: Iterable[Manifest]) -> list[Manifest]:
 
 
 def together(verdicts: Iterable[Verdict], fine: Verdict) -> Verdict:
-    """Return the sum of several: the gravest that does not hold names the reason, all of them are in the message."""
+    """Combine verdicts: the gravest that does not hold gives the reason, and the message contains all such."""
     bad = [verdict for verdict in verdicts if not verdict.holds]
     worst = gravest(bad)
     return no(worst.reason, "; ".join(verdict.message for verdict in bad)) if worst is not None else fine
 
 
 def pod_trouble(name: str, pods: Iterable[Manifest]) -> Verdict | None:
-    """Return what keeps pods from running, for the workload of that name; None: nothing that they tell."""
+    """Return what keeps pods from running, for the workload of that name; None: their statuses show nothing."""
     for pod in pods:
         status = pod.get("status") or {}
         for condition in status.get("conditions") or ():
@@ -139,7 +139,7 @@ def _refused(name: str, words: str) -> Verdict | None:
 
 
 def _refusal_in(status: Mapping[str, Any]) -> str:
-    """Return why the API server refuses the pods of a Deployment; other workloads do not say it in their status."""
+    """Return why the API server refuses a Deployment's pods; other workloads do not have it in their status."""
     for condition in status.get("conditions") or ():
         if condition.get("type") == "ReplicaFailure" and condition.get("status") == "True":
             return str(condition.get("message") or condition.get("reason") or "")
@@ -147,7 +147,7 @@ def _refusal_in(status: Mapping[str, Any]) -> str:
 
 
 def podless(manifest: Manifest) -> bool:
-    """Return whether a workload wants pods, has none, and would not say why."""
+    """Return whether a workload wants pods, has none, and would not report why."""
     status: Mapping[str, Any] = manifest.get("status") or {}
     if kind_of(manifest) == JOB:
         return not any(status.get(field) for field in ("active", "succeeded", "failed", "completionTime"))

@@ -1,4 +1,4 @@
-"""Builds images with docker, podman or buildah: which one is there, and what it is called with."""
+"""Builds images with docker, podman or buildah: which one is available, and its command line."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _PLATFORM: Final = r"[a-z0-9]+/[a-z0-9]+(/v[0-9]+)?"
 
 
 class BuildError(RobotOffloadError):
-    """A builder ran and failed; its own output says why."""
+    """A builder ran and failed; its own output has the reason."""
 
 
 class NoBuilderError(InputError):
-    """No program that can build an image is there."""
+    """No program that can build an image is installed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +37,15 @@ class Request:
 
     Attributes:
         tag: its name.
-        context: the folder that the Dockerfile copies from.
+        context: the folder from which the Dockerfile copies.
         platforms: e.g. `linux/arm64`; empty: this machine's own.
-        push: whether it goes to its registry.
+        push: whether to push it to its registry.
         health_check: whether it has one; only images in docker's format carry it.
         dockerfile: a file, or `-` for standard input.
-        ignore_file: what of the context does not count; None: `.dockerignore` there. docker finds one beside the
+        ignore_file: the ignore file of the context; None: `.dockerignore` there. docker finds one beside the
             Dockerfile by itself.
         build_arguments: values of ARG instructions.
-        source_date_epoch: seconds since 1970 that replace all times in the image; None: the real ones.
+        source_date_epoch: seconds since 1970 that replace all times in the image; None: the real times.
         extra: further arguments of the builder, as they are (secrets, caches, volumes).
     """
 
@@ -62,10 +62,10 @@ class Request:
 
 
 def commands(tool: Tool, request: Request) -> tuple[Command, ...]:
-    """Return what is run, in order: the build, and the push where the builder does not do it at once.
+    """Return the commands, in order: the build, and the push if the builder does not do it at once.
 
     Raises:
-        InputError: the tag or a platform cannot be one, or docker is to keep an image for several platforms
+        InputError: the tag or a platform is not valid, or docker would have to keep an image for several platforms
             outside of a registry.
     """
     several = len(request.platforms) > 1
@@ -109,10 +109,10 @@ def _options(tool: Tool, request: Request) -> Command:
 
 
 def source_date_epoch(environment: Mapping[str, str]) -> int | None:
-    """Return what an environment says about the times in an image, see `Request`.
+    """Read the time for the image from an environment, see `Request`.
 
     Raises:
-        InputError: it is no number.
+        InputError: it is not a number.
     """
     text = environment.get("SOURCE_DATE_EPOCH", "")
     if not text:
@@ -123,10 +123,10 @@ def source_date_epoch(environment: Mapping[str, str]) -> int | None:
 
 
 def choose(wanted: Tool | None = None) -> Tool:
-    """Return the builder to use: the wanted one, else the first one that can work here.
+    """Return the builder to use: the wanted one, else the first one that works here.
 
     Raises:
-        NoBuilderError: it is not there, or none is.
+        NoBuilderError: it is missing, or all are.
     """
     candidates = (wanted,) if wanted else TOOLS
     reasons = []
@@ -144,7 +144,7 @@ def _missing(tool: Tool) -> str | None:
         return "is not installed"
     if tool != "docker":
         return None
-    # The client alone builds nothing.
+    # The client alone cannot build.
     asked = subprocess.run(
         ("docker", "version", "--format", "{{.Server.Version}}"),
         capture_output=True,
@@ -158,17 +158,17 @@ def _missing(tool: Tool) -> str | None:
 def run(
     tool: Tool, request: Request, dockerfile: str | None = None, environment: Mapping[str, str] | None = None
 ) -> None:
-    """Build, and pushes where asked; the builder's own progress goes to the terminal.
+    """Build, and push if requested; the builder's own progress goes to the terminal.
 
     Args:
         tool: the builder.
-        request: what it builds.
-        dockerfile: the text, where `request.dockerfile` is `-`.
+        request: the image to build.
+        dockerfile: the text, if `request.dockerfile` is `-`.
         environment: of the builder; None: this process's own.
 
     Raises:
         BuildError: the builder failed.
-        InputError: docker and several platforms, see `commands`.
+        InputError: docker with several platforms, see `commands`.
     """
     for index, command in enumerate(commands(tool, request)):
         text = dockerfile if index == 0 else None
@@ -182,7 +182,7 @@ def run(
 
 
 def look_up_commit(url: str, ref: str) -> str:
-    """Return the commit that a branch or a tag names now.
+    """Return the commit to which a branch or a tag points now.
 
     Raises:
         BuildError: the repository does not answer.
@@ -202,7 +202,7 @@ def look_up_commit(url: str, ref: str) -> str:
     found: dict[str, str] = {
         name: commit for commit, name in re.findall(r"^([0-9a-f]{40})\t(.+)$", asked.stdout, re.MULTILINE)
     }
-    # An annotated tag has a commit behind it; `^{}` is that commit.
+    # An annotated tag points to a commit; `^{}` is that commit.
     for name in (f"refs/tags/{ref}^{{}}", f"refs/heads/{ref}", f"refs/tags/{ref}", ref):
         if name in found:
             return found[name]

@@ -1,4 +1,4 @@
-"""What differs between the ROS 2 distributions, with the source of each fact."""
+"""The differences between the ROS 2 distributions, with the source of each fact."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class Distro:
 
     Attributes:
         name: as in `ROS_DISTRO`.
-        ubuntu: the release that its official image stands on.
+        ubuntu: the release of its official image.
         supported_until: year and month; empty: no end is set.
         ended: whether it is end of life.
-        rmw: the middlewares that its package repository carries.
+        rmw: the middlewares in its package repository.
         externally_managed: whether its Python refuses `pip install` into the system (PEP 668).
         static_peers: whether it knows ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS.
-        stop_signal: what ends its nodes in an orderly way.
-        warning: what a user of it should know; empty: nothing.
+        stop_signal: the signal that ends its nodes in an orderly way.
+        warning: what its users should know; empty: nothing.
     """
 
     name: DistroName
@@ -45,12 +45,12 @@ class Distro:
 
     @property
     def runtime_image(self) -> str:
-        """The official image that only runs nodes."""
+        """The official image for running nodes only."""
         return f"docker.io/library/ros:{self.name}-ros-core"
 
 
 # Sources, looked up for this table:
-# - images, Ubuntu releases, what is in them: docker-library/official-images `library/ros` and osrf/docker_images
+# - images, Ubuntu releases and contents: docker-library/official-images `library/ros` and osrf/docker_images
 #   `ros/<distro>/ubuntu/<codename>/{ros-core,ros-base}/Dockerfile` (ros-base adds build-essential, git, colcon, rosdep
 #   and vcstool to ros-core, and runs `rosdep init`);
 # - end of life: docs.ros.org "Releases", endoflife.date/ros-2; rosdistro `index-v4.yaml` (distribution_status);

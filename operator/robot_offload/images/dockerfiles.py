@@ -1,7 +1,7 @@
 """Dockerfiles from specifications: pure, and byte for byte the same for the same specification.
 
-The stages of a node's image: `sources` fetches the code, `dependencies` installs what the build needs, `builder`
-compiles, `runtime` gets the result and what it needs to run. Only the last one is the image.
+The stages of a node's image: `sources` fetches the code, `dependencies` installs the build's dependencies, `builder`
+compiles, `runtime` gets the result and its run-time dependencies. Only the last one is the image.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot_offload.images.features import NODE_FEATURES, OVERLAY_FEATURES, Featu
 from robot_offload.images.spec import BuildSpec, OverlaySpec
 
 STAGES: Final[tuple[Stage, ...]] = ("sources", "dependencies", "builder", "runtime")
-# Builders read directives at the top; the first line is a comment, so no value can become one.
+# Builders read directives at the top; the first line is a comment, so that no value can become one.
 _HEAD: Final = (
     "# Made by `robot-offload dockerfile`: change the options there, not this text.\n"
     "# Needs a builder with cache and secret mounts: Docker 23 or newer (BuildKit), podman 4 or buildah 1.28."
@@ -27,7 +27,7 @@ _HEAD: Final = (
 
 
 def check(spec: BuildSpec | OverlaySpec) -> tuple[Finding, ...]:
-    """Return everything that the rules between fields find, feature by feature."""
+    """Return the findings of all rules between fields, feature by feature."""
     if isinstance(spec, BuildSpec):
         return tuple(finding for feature in NODE_FEATURES for finding in feature.check(spec))
     return tuple(finding for feature in OVERLAY_FEATURES for finding in feature.check(spec))
@@ -62,18 +62,18 @@ def _overlay_blocks(spec: OverlaySpec) -> list[str]:
     packages = OVERLAY_FEATURES[0].packages(spec, "runtime")
     if packages:
         cache = _cache_of(spec.distro, spec.onto or spec.agent_image, foreign=True)
-        # Stage "sources": the form that installs named packages and nothing of an earlier stage.
+        # Stage "sources": the form that installs only named packages, without files of an earlier stage.
         blocks.append(_render("apt.j2", {"stage": "sources", "packages": packages, "cache": cache}))
     return blocks + _blocks(OVERLAY_FEATURES, spec, "runtime", cache="")
 
 
 def _from(image: str, stage: Stage, foreign: bool) -> str:
-    """Return the first lines of a stage. A foreign image may run as another user than root, who installs nothing."""
+    """Return the first lines of a stage. A foreign image may run as a user other than root, who cannot install."""
     return f"FROM {image} AS {stage}" + ("\nUSER 0:0" if foreign else "")
 
 
 def _cache_of(distro: str, image: str, foreign: bool) -> str:
-    """Return the name of package caches: images on different releases of Debian and Ubuntu do not share one."""
+    """Return the name of package caches: images on different Debian and Ubuntu releases must not share one."""
     return f"{distro}-{hashlib.sha256(image.encode()).hexdigest()[:8]}" if foreign else distro
 
 

@@ -12,7 +12,7 @@ from robot_offload.images.features import NODE_FEATURES, OVERLAY_FEATURES, Flag
 from robot_offload.images.spec import BuildSpec, OverlaySpec, parse
 
 Given: TypeAlias = Mapping[str, Any]
-"""Values by option; what was not given is None, False or empty."""
+"""Values by option; those not given are None, False or empty."""
 
 
 SomeSpec = TypeVar("SomeSpec", BuildSpec, OverlaySpec)
@@ -28,12 +28,12 @@ ALL_FLAGS: Final = _unique((*NODE_FLAGS, *OVERLAY_FLAGS))
 
 
 def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
-    """Return the specification of a node's image: a `build:` block, and options laid over it.
+    """Build the specification of a node's image from a `build:` block and the options, which override it.
 
     Args:
         given: the options.
-        block: a block in YAML form; empty: there is none.
-        source: what to call the block in messages.
+        block: a block in YAML form; empty: none.
+        source: the block's name in messages.
 
     Raises:
         InputError: an option belongs to an image with the agent, or a value cannot be used.
@@ -43,11 +43,11 @@ def node_spec(given: Given, block: Mapping[str, Any], source: str) -> BuildSpec:
 
 
 def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
-    """Return the specification of an image with the agent.
+    """Build the specification of an image with the agent.
 
     Args:
         given: the options.
-        agent_image: the agent's image, where no option names one.
+        agent_image: the agent's image, if no option names one.
 
     Raises:
         InputError: an option belongs to a node's image, or a value cannot be used.
@@ -57,7 +57,7 @@ def overlay_spec(given: Given, agent_image: str) -> OverlaySpec:
 
 
 def option_findings(findings: Sequence[Finding], given: Given) -> list[Finding]:
-    """Return the findings with the option instead of the field, where the option was given."""
+    """Return the findings with the option instead of the field, if the option was given."""
     return [_told_as_option(finding, given) for finding in findings]
 
 
@@ -97,7 +97,7 @@ def _put(values: dict[str, Any], path: Sequence[str], value: Any) -> None:
 
 
 def _split(flag: Flag, value: Any) -> Any:
-    """Read variables and labels as NAME=VALUE; take all else as it is."""
+    """Split variables and labels given as NAME=VALUE; return other values as they are."""
     if flag.metavar != "NAME=VALUE":
         return value
     pairs = []
@@ -110,7 +110,7 @@ def _split(flag: Flag, value: Any) -> Any:
 
 
 def _laid_over(block: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `values` over `block`; mappings are joined, everything else is replaced."""
+    """Return `block` overridden by `values`; mappings are merged, everything else is replaced."""
     result = dict(block)
     for key, value in values.items():
         both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)

@@ -1,4 +1,4 @@
-"""The only ways by which a value gets into a Dockerfile: one filter for each place where it can stand."""
+"""The only ways for a value into a Dockerfile: one filter for each kind of place."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def array(values: Iterable[str]) -> str:
 
 
 def file_lines(text: str, indent: int = 4) -> str:
-    r"""Return a small file as arguments of `printf '%s\n'`, one line each; not every builder reads here-documents."""
+    r"""Return a small file as arguments of `printf '%s\n'`, one line each; some builders cannot read here-documents."""
     quoted_lines = ("'" + line.replace("'", "'\"'\"'") + "'" for line in text.splitlines())
     return f" \\\n{' ' * indent}".join(quoted_lines)
 
 
 def _one_line(value: str) -> str:
-    """Return `value`, checked by the types of `values`: a second line would be a second instruction."""
+    """Return `value`, already checked by the types of `values`: a second line would be a second instruction."""
     if "\n" in value or "\r" in value:
         raise ValueError("a value of a Dockerfile has more than one line")
     return value

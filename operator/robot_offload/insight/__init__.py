@@ -1,1 +1,1 @@
-"""Explains a cluster's state to people: what was observed, why it is so, and the next step."""
+"""Explains a cluster's state to people: the observation, its reason, and the next step."""

@@ -1,4 +1,4 @@
-"""Why a RobotOffload is not Ready, in the order in which one would ask. Pure."""
+"""Why a RobotOffload is not Ready, in the order in which a person would ask. Pure."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from robot_offload.insight.timing import timing
 
 EVENTS: Final = 5
 BUNDLE_NEEDS: Final = ("SpecValid", "CertificatesReady", "AddressesReady")
-"""Without them `bundle` waits, so its advice would come back to `explain`."""
+"""Without them `bundle` waits, so its advice would lead back to `explain`."""
 FIRST_THE_ABOVE: Final = "Mend what stands above first: until then no bundle can be written."
 EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is not as it should be.
+    """One problem of a RobotOffload.
 
     Attributes:
         condition: the type of the condition.
         reason: one CamelCase word.
-        message: what the operator says.
+        message: the operator's message.
         since: how long, e.g. `3m`.
-        meaning: what the reason means.
+        meaning: of the reason.
         step: what to do.
     """
 
@@ -45,13 +45,13 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """The answer.
+    """The explanation of a RobotOffload.
 
     Attributes:
         ready: whether it is Ready: the cloud can serve the robot, wherever the robot is.
         headline: the answer in one line.
-        problems: what is wrong, the cause first.
-        notes: what is right and may surprise all the same.
+        problems: the causes first.
+        notes: what is right but may be surprising.
         events: the last warnings about it and its children.
     """
 
@@ -73,11 +73,11 @@ def explain(
     """Explain one RobotOffload.
 
     Args:
-        offload: as it is.
+        offload: as observed.
         deleting: whether it is being deleted.
-        events: of its namespace; those of others are left alone.
+        events: of its namespace; those about other objects are ignored.
         now: the present.
-        state: what its agent says now; None: it cannot be asked.
+        state: its agent's present state; None: it cannot be asked.
     """
     problems = tuple(_problems(offload, deleting, now))
     cloud = [problem for problem in problems if problem.condition not in ROBOT_TYPES]
@@ -108,7 +108,7 @@ def _problems(offload: Observed, deleting: bool, now: datetime.datetime) -> Iter
         if not condition.holds and condition.type != READY and condition.type not in PROGRESS_TYPES:
             problem = _problem(condition, offload, now)
             yield problem if bundled or not asks_for_bundle(problem.step) else replace(problem, step=FIRST_THE_ABOVE)
-    # An operator that says no more than that.
+    # An operator whose conditions have no more details.
     summary = offload.condition(READY)
     others = [each for each in offload.conditions if each.type not in (READY, *ROBOT_TYPES, *PROGRESS_TYPES)]
     if summary is not None and not summary.holds and all(each.holds for each in others) and not offload.outdated:
@@ -133,7 +133,7 @@ def _problem(condition: Condition, offload: Observed, now: datetime.datetime) ->
 
 
 def _notes(offload: Observed) -> Iterator[str]:
-    """Yield what is as declared and yet answers the question why it acts where it acts."""
+    """Yield what is as declared and yet explains which side acts."""
     if offload.pin_ended:
         side, _, at = offload.pin_ended.partition(" ")
         yield f"The pin to {side} ended at {at}; it stands in the specification and counts no more."

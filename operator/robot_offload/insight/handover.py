@@ -1,4 +1,4 @@
-"""What becomes of nodes, outputs, goals, calls and state at a change of sides, in words. Pure and tolerant."""
+"""The fate of nodes, outputs, goals, calls and state when the side changes, in words. Pure and tolerant."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SIDES: Final = {"robot": "on the robot", "cloud": "in the cloud"}
 
 
 def handover(spec: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each thing that a node declares about changes of sides, as the resource has it."""
+    """Yield a sentence for each declaration of a node about changes of side, as the resource has it."""
     for node in spec.get("nodes") or ():
         if node.get("placement") == "Cloud":
             yield from _results(node)

@@ -1,4 +1,4 @@
-"""Goals and calls in flight, restarts and the age of handed-over state, as both agents say it. Pure."""
+"""Goals and calls in flight, restarts and the age of handed-over state, as both agents report them. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_offload.api.agent_state import AgentState
 from robot_offload.api.side_numbers import IN_FLIGHT, SideNumbers
 
 NOTHING_KNOWN: Final = "not known: no report of the robot in the last 5 s"
-"""Only the robot knows: its relay is what clients talk to."""
+"""Only the robot knows: clients talk to its relay."""
 
 
 def goals(state: AgentState) -> str:
@@ -31,7 +31,7 @@ def calls(state: AgentState) -> str:
 
 
 def state_ages(state: AgentState) -> str:
-    """Return the age of each entry when a side last went on with it: `pose 85 ms in the cloud`; empty: none yet."""
+    """Return the age of each entry when a side last resumed from it: `pose 85 ms in the cloud`; empty: none yet."""
     return ", ".join(
         [
             *(f"{name} {age_ms} ms in the cloud" for name, age_ms in state.state_ages_ms),
@@ -41,7 +41,7 @@ def state_ages(state: AgentState) -> str:
 
 
 def sentences(state: AgentState) -> Iterable[str]:
-    """Yield a sentence for whatever is in flight or was handed over, nothing for what is not."""
+    """Yield a sentence for each thing in flight or handed over."""
     robot = state.robot
     if robot is not None:
         for name, (executing, waiting, restarts) in robot.actions:
@@ -59,7 +59,7 @@ def sentences(state: AgentState) -> Iterable[str]:
 
 
 def plain(state: AgentState | None) -> dict[str, Any]:
-    """Return the same for programs; None stands for what nobody has said."""
+    """Return the same for programs; None stands for unknown."""
     robot = state.robot if state is not None else None
     return {
         "goals": None
@@ -74,7 +74,7 @@ def plain(state: AgentState | None) -> dict[str, Any]:
 
 
 def goals_of(counts: tuple[int, ...]) -> str:
-    """Return the goals of one action: executing, waiting, begun anew."""
+    """Return the goals of one action: executing, waiting, restarted."""
     executing, waiting, restarts = counts
     words = [f"{executing} executing", f"{waiting} waiting"] if executing or waiting else ["none in flight"]
     if restarts:

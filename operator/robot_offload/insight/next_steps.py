@@ -1,4 +1,4 @@
-"""What each reason of a condition means and what to do about it: the one table behind `explain` and the docs.
+"""The meaning of each reason of a condition and what to do: the one table behind `explain` and the docs.
 
 `{name}` and `{namespace}` are those of the RobotOffload. docs/how-to/troubleshooting.md carries the same rows; a
 contract test holds both against the reasons in `reconcile`.
@@ -21,7 +21,7 @@ class Advice:
 
     Attributes:
         meaning: one sentence.
-        step: what to do, a command where there is one; empty: nothing.
+        step: what to do, a command if there is one; empty: nothing.
     """
 
     meaning: str
@@ -191,7 +191,7 @@ CERTIFICATES: Final[dict[str, Advice]] = {
     "OtherHosts": Advice("The declared host has changed; the cloud's certificate is made anew.", BUNDLE),
     "OtherRobot": Advice("The certificate names another robot and is made anew.", BUNDLE),
 }
-"""Reasons of CertificatesReady and CertificateCurrent, and of the events that tell a new certificate."""
+"""Reasons of CertificatesReady and CertificateCurrent, and of the events about a new certificate."""
 
 CLUSTER: Final[dict[str, Advice]] = {
     "AddressPending": Advice(
@@ -273,7 +273,7 @@ INVALID: Final = Advice(
     "The specification cannot be carried out; what was made before stays as it is.",
     "Correct every line of the message and apply again; kubectl offload validate --cluster FILE checks it before.",
 )
-"""For SpecValid=False, whose reason is that of the first problem."""
+"""For SpecValid=False, which has the reason of the first problem."""
 
 
 def asks_for_bundle(step: str) -> bool:

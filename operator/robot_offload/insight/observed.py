@@ -1,6 +1,6 @@
-"""A live RobotOffload as the command line sees it: plain values out of whatever the API server holds.
+"""A live RobotOffload for the command line: plain values from any content of the API server.
 
-Pure and tolerant: a status of an older or newer operator, or none at all, is shown as far as it goes.
+Pure and tolerant: a status of an older or newer operator, or none at all, is shown as far as possible.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Condition:
         status: True, False or Unknown.
         reason: one CamelCase word.
         message: one sentence.
-        since: RFC 3339 time of the last change; empty: not told.
+        since: RFC 3339 time of the last change; empty: not known.
     """
 
     type: str
@@ -43,7 +43,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class NodeSeen:
-    """The replica of one node in the cloud, as the status tells it."""
+    """The cloud's replica of one node, from the status."""
 
     name: str
     workload: str
@@ -64,11 +64,11 @@ class Observed:
         uid: its identity.
         created: RFC 3339 time of its creation.
         generation: of its specification.
-        observed_generation: the one that the operator has dealt with; None: none yet.
+        observed_generation: the last one that the operator processed; None: none yet.
         transport: the type of transport; the rest of the specification is in `spec`.
-        pin: the one in force, Auto, Robot or Cloud.
-        pinned_until: RFC 3339 time of its end; empty: when somebody lets go.
-        pin_ended: side and end of a pin that counts no more; empty: there is none.
+        pin: the one in force: Auto, Robot or Cloud.
+        pinned_until: RFC 3339 time of its end; empty: until it is removed.
+        pin_ended: side and end of an expired pin; empty: there is none.
         mode: Auto or Observe.
         replicas: 1, or 0 when the cloud side is switched off.
         placement: Robot, Cloud or Unknown.
@@ -79,9 +79,9 @@ class Observed:
         robot_generation: the generation whose settings the robot runs.
         nodes_ready: `3/3`.
         nodes: the replicas in the cloud.
-        endpoints: where the robot reaches the cloud.
+        endpoints: the cloud's addresses for the robot.
         conditions: in the order in which they become true.
-        spec: as it is written.
+        spec: as written.
     """
 
     namespace: str
@@ -120,7 +120,7 @@ class Observed:
 
     @property
     def outdated(self) -> bool:
-        """Whether the operator has not dealt with the present specification yet."""
+        """Whether the operator has not yet processed the present specification."""
         return self.observed_generation != self.generation
 
 
@@ -193,7 +193,7 @@ def _conditions(conditions: Sequence[Mapping[str, Any]]) -> tuple[Condition, ...
 
 
 def ago(since: str, now: datetime.datetime) -> str:
-    """Return how long ago a moment was, as kubectl writes it: `45s`, `12m`, `3h`, `8d`; empty when it is not known."""
+    """Return how long ago a moment was, as kubectl writes it: `45s`, `12m`, `3h`, `8d`; empty if not known."""
     moment = time_of(since)
     if moment is None:
         return ""
@@ -205,7 +205,7 @@ def ago(since: str, now: datetime.datetime) -> str:
 
 
 def time_of(text: str) -> datetime.datetime | None:
-    """Return an RFC 3339 time; None when it is none, or has no time zone."""
+    """Parse an RFC 3339 time; return None if it is not one, or has no time zone."""
     try:
         moment = datetime.datetime.fromisoformat(text)
     except ValueError:

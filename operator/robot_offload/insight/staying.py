@@ -1,4 +1,4 @@
-"""Why the robot acts although a cloud is there: the strongest reason first, with the rule's own numbers. Pure."""
+"""Why the robot acts although a cloud is connected: the strongest reason first, with the rule's own numbers. Pure."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from robot_offload.insight.observed import Observed
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """What is known of a stay on the robot.
+    """The known facts about the robot's turn as active side.
 
     Attributes:
-        site: the side that acts: robot, cloud or unknown.
-        reason, message: why, as the robot's agent says; the message carries what is left of each wait.
+        site: the active side: robot, cloud or unknown.
+        reason, message: why, as the robot's agent reports; the message has the rest of each wait.
         connected: whether the robot is heard.
         latency_ms: loop latency now; None: no loop.
-        allowed_ms: up to which the cloud is worth it; None: not known.
+        allowed_ms: loop latency up to which the cloud is worth using; None: not known.
         loss_timeout_ms: silence that counts as a loss; None: not known.
         hold_down_s: first and longest wait after a loss; None: not known.
     """
@@ -33,7 +33,7 @@ class Stay:
 
 
 def staying(stay: Stay, offload: Observed | None) -> Iterator[str]:
-    """Yield why the cloud does not act, one sentence each; nothing hinders it: one sentence that says so."""
+    """Yield why the cloud does not act, one sentence each; if nothing prevents it, one sentence about that."""
     if stay.site == "cloud":
         yield "The cloud acts."
         return

@@ -1,4 +1,4 @@
-"""What `switching.profile` and the times that are given come to, in words. Pure and tolerant."""
+"""The times that result from `switching.profile` and explicit values, in words. Pure and tolerant."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _FOLLOWING: Final = ("heartbeat_period_ms", "loss_timeout_ms", "lease_ms", "max_
 
 
 def timing(spec: Mapping[str, Any]) -> Iterator[str]:
-    """Yield one sentence with the times in force, as the resource has them; nothing when they cannot be read."""
+    """Yield one sentence with the times in force, as the resource has them; nothing if they cannot be read."""
     given = spec.get("switching") or {}
     try:
         switching = Switching.model_validate(given)
     except ValidationError:
-        return  # SpecValid says what is wrong
+        return  # SpecValid reports the error
     names = [yaml_name(field) for field in _FOLLOWING]
     own = [name for name in names if name in given]
     follow = f"switching.profile is {switching.profile}"

@@ -1,7 +1,7 @@
 """The adapter to the official asynchronous client; nothing else imports `kubernetes`.
 
-Objects stay plain dicts in both directions, and our kinds are known: neither its models nor its discovery is used. Its
-dynamic client is not either: that one formats a traceback for each object that is not there.
+Objects stay plain dicts in both directions, and our kinds are known, so neither its models nor its discovery is used.
+Nor is its dynamic client, which formats a traceback for each missing object.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from robot_offload.kube.retry import RetryPolicy
 _JSON: Final = "application/json"
 _MERGE_PATCH: Final = "application/merge-patch+json"
 _APPLY_PATCH: Final = "application/apply-patch+yaml; charset=utf-8"
-"""With a parameter, so that the official client sends our bytes as they are: its JSON escapes are not always YAML."""
+"""With a parameter, so that the official client sends our bytes unchanged: its JSON escapes are not always YAML."""
 _CHANGES: Final = frozenset({"ADDED", "MODIFIED", "DELETED", "BOOKMARK"})
 _WATCH_S: Final = (300, 600)
-"""How long the API server keeps a watch open, as client-go asks it: at random, so that not all end together."""
+"""How long the API server keeps a watch open, as in client-go: random, so that not all end together."""
 _NOT_IN_YAML: Final = re.compile("[\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 _PAGE: Final = 500
-"""Objects per answer of a list: bounds what one answer holds in memory."""
+"""Objects per page of a list: bounds the memory of one answer."""
 
 Configure: TypeAlias = Callable[[], Awaitable[Configuration]]
 """Reads the credentials (again)."""
 Guard: TypeAlias = Callable[[Verb], None]
-"""Is called before each request; what it raises keeps the request from being sent."""
+"""Called before each request; an exception prevents the request."""
 
 
 class Client:
-    """`KubeApi` over HTTP. Make it with `connect`, end it with `close`."""
+    """`KubeApi` over HTTP. Create it with `connect`, end it with `close`."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Client:
                 f"list {kind.plural}{f' in {namespace}' if namespace else ''}",
                 _asked(selection, METADATA_LIST).with_query(limit=_PAGE, **{"continue": token}),
             )
-            # Items of a list carry neither apiVersion nor kind, or those of the form that was asked for.
+            # Items of a list have no apiVersion and kind, or those of the requested form.
             own = {"apiVersion": kind.api_version, "kind": kind.kind}
             metadata = answer.get("metadata") or {}
             yield [{**item, **own} for item in answer.get("items") or ()], str(metadata.get("resourceVersion") or "")
@@ -225,13 +225,13 @@ class Client:
     async def _send(
         self, method: str, path: str, doing: str, asked: _Asked | None = None, *, idempotent: bool = True
     ) -> Manifest:
-        """Send a request, again where that can help, and return the object in the answer."""
+        """Send a request, repeat it if that may help, and return the object in the answer."""
         attempt, renewed = 1, False
         while True:
             try:
                 return await self._send_once(method, path, doing, asked or _Asked())
             except UnauthorizedError:
-                # Tokens in a cluster are replaced while we run: read them anew, once.
+                # Tokens in a cluster are replaced while we run: read them again, once.
                 if renewed:
                     raise
                 renewed = True
@@ -258,7 +258,7 @@ class Client:
     async def _request(
         self, method: str, path: str, doing: str, timeout: aiohttp.ClientTimeout, asked: _Asked
     ) -> aiohttp.ClientResponse:
-        """Send one request once; return an answer whose content has still to be read."""
+        """Send a request once; return an answer whose content is still to be read."""
         http = await self._open()
         query = [(name, str(value)) for name, value in asked.query.items() if value is not None]
         headers = {"Accept": asked.accept, "Content-Type": asked.content_type}
@@ -299,11 +299,11 @@ class Client:
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What a request asks beside its path.
+    """A request without its path.
 
     Attributes:
         query: parameters by name; None: not sent.
-        body: the object that is sent, or its text; None: nothing is.
+        body: the object to send, or its text; None: nothing.
         content_type: of the body.
         accept: the form of the answer.
     """
@@ -319,17 +319,17 @@ class _Asked:
 
 
 def _yaml(manifest: Manifest) -> bytes:
-    """Return an object as JSON that is YAML as well.
+    """Return an object as JSON that is also YAML.
 
-    JSON escapes a character beyond U+FFFF as two surrogates, which YAML refuses; YAML refuses some characters unless
-    they are escaped.
+    JSON escapes a character beyond U+FFFF as two surrogates, which YAML refuses; YAML requires some other characters to
+    be escaped.
     """
     text = json.dumps(manifest, ensure_ascii=False, separators=(",", ":"))
     return _NOT_IN_YAML.sub(lambda found: f"\\u{ord(found[0]):04x}", text).encode()
 
 
 def _cut(answer: aiohttp.ClientResponse) -> None:
-    """End the connection of an answer at once: over TLS `close` alone waits for the server's goodbye."""
+    """End the connection of an answer at once: over TLS `close` alone waits for the server's close."""
     connection = answer.connection
     transport = connection.transport if connection is not None else None
     answer.close()
@@ -338,13 +338,13 @@ def _cut(answer: aiohttp.ClientResponse) -> None:
 
 
 def _asked(selection: Selection, form: str) -> _Asked:
-    """Return a selection as what a request asks; `form` is that of metadata alone."""
+    """Turn a selection into a request; `form` is the Accept header for metadata alone."""
     query = {"labelSelector": selection.labels or None, "fieldSelector": selection.fields or None}
     return _Asked(query, accept=form if selection.metadata_only else _JSON)
 
 
 def _change(event: Any, kind: Kind, doing: str) -> Change | None:
-    """Return an event of a watch; None: a type that this program does not know."""
+    """Parse an event of a watch; None: of an unknown type."""
     manifest = event["object"]
     if event["type"] == "ERROR":
         raise error_of(int(manifest.get("code") or 500), json.dumps(manifest), {}, doing)

@@ -1,6 +1,6 @@
-"""Which API server, and as whom: a kubeconfig as kubectl reads it, or the pod's own service account.
+"""Which API server to use, and as whom: a kubeconfig as kubectl reads it, or the pod's own service account.
 
-The second module beside `client` that knows the official client.
+The only module beside `client` that knows the official client.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from robot_offload.kube.retry import RetryPolicy
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Where the credentials come from.
+    """The source of the credentials.
 
     Attributes:
         kubeconfig: a file (or several, as in KUBECONFIG); None: KUBECONFIG, then the pod, then ~/.kube/config.
@@ -65,8 +65,8 @@ def connect(
         kubeconfig: as `kubectl --kubeconfig`.
         context: as `kubectl --context`.
         retry: how patient requests are.
-        guard: is called before each request and may keep it from being sent.
-        manager: whose the written fields are, for server-side apply.
+        guard: called before each request; an exception prevents it.
+        manager: field manager for server-side apply.
     """
     access = Access(kubeconfig, context)
 
@@ -78,14 +78,14 @@ def connect(
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """What another HTTP client needs to reach the same API server.
+    """Credentials for another HTTP client of the same API server.
 
     Attributes:
         server: address, e.g. https://10.0.0.1:443.
-        headers: sent with each request; who we are, unless a certificate says so.
+        headers: sent with each request; they identify us unless a certificate does.
         tls: trust, and our certificate.
-        trust_env: whether proxies of the environment count.
-        proxy: address of a proxy that the kubeconfig names; None: there is none.
+        trust_env: whether to use proxies of the environment.
+        proxy: address of a proxy in the kubeconfig; None: there is none.
     """
 
     server: str
@@ -96,7 +96,7 @@ class Credentials:
 
 
 async def credentials(kubeconfig: str | None = None, context: str | None = None) -> Credentials:
-    """Return what is configured, read anew: tokens in a cluster are replaced while a process runs.
+    """Read the configured credentials anew: tokens in a cluster are replaced while a process runs.
 
     Args:
         kubeconfig: as `kubectl --kubeconfig`.
@@ -119,7 +119,7 @@ async def credentials(kubeconfig: str | None = None, context: str | None = None)
 
 
 def current_namespace(kubeconfig: str | None = None, context: str | None = None) -> str:
-    """Return the namespace that a command without `-n` means: the context's, or `default`."""
+    """Return the namespace of a command without `-n`: the context's, or `default`."""
     access = Access(kubeconfig, context)
     if access.in_cluster:
         own = Path("/var/run/secrets/kubernetes.io/serviceaccount/namespace")
@@ -139,7 +139,7 @@ def current_namespace(kubeconfig: str | None = None, context: str | None = None)
 
 async def _configuration(access: Access) -> Configuration:
     configuration = Configuration()
-    # aiohttp opens as many connections as are needed at once; the limit keeps a burst from drowning the server.
+    # aiohttp opens as many connections as needed at once; the limit protects the server from a burst.
     configuration.connection_pool_maxsize = 32
     try:
         if access.in_cluster:
@@ -166,7 +166,7 @@ async def _configuration(access: Access) -> Configuration:
 
 @contextmanager
 def _errors_logged() -> Iterator[list[str]]:
-    """Provide collect what the official client only logs: that a user's program is missing or has failed."""
+    """Collect what the official client only logs: that a user's program is missing or has failed."""
     found: list[str] = []
 
     def take(record: logging.LogRecord) -> bool:

@@ -5,7 +5,7 @@ KubeError                  the base; `retriable` says whether the same request m
 |- UnauthorizedError       401: the credentials are not accepted (any more)
 |- ForbiddenError          403: a role does not allow it
 |- NotFoundError           404: the object, its namespace or its kind is missing
-|- ConflictError           409: somebody else changed the object or owns the field
+|- ConflictError           409: another client changed the object or owns the field
 |  `- AlreadyExistsError   409: the name is taken
 |- InvalidObjectError      400, 422 and other refusals of the request itself
 |- TooManyError            429: the API server asks to slow down
@@ -13,7 +13,7 @@ KubeError                  the base; `retriable` says whether the same request m
 `- UnreachableError        no answer in time, or no connection at all
    `- SilentError          a watch that brings nothing, not even bookmarks
 
-NotLeaderError stands beside it: this process may not write (any more), so nothing is to be tried again.
+NotLeaderError is separate: this process may not write (any more), so nothing is to be retried.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class KubeError(RobotOffloadError):
     """The API server refused or did not answer.
 
     Attributes:
-        status: the HTTP status; 0 when there was no answer.
-        retry_after_s: seconds after which the server wants to be asked again, if it said so.
-        details: causes of a refusal as the server lists them: (field, message).
+        status: the HTTP status; 0: no answer.
+        retry_after_s: seconds after which the server accepts a retry, if it sent them.
+        details: causes of a refusal from the server's list: (field, message).
     """
 
     retriable: ClassVar[bool] = False
@@ -54,7 +54,7 @@ class KubeError(RobotOffloadError):
 
 
 class NotConfiguredError(KubeError):
-    """It is not known which API server to talk to, or as whom."""
+    """No API server, or no identity for it, is configured."""
 
     exit_code = 2
     reason = "NotConfigured"
@@ -81,7 +81,7 @@ class NotFoundError(KubeError):
 
 
 class ConflictError(KubeError):
-    """Somebody else changed the object meanwhile, owns the field, or the object is another one of the same name."""
+    """Another client changed the object or owns the field, or the object is another one of the same name."""
 
     retriable = True
     reason = "Conflict"
@@ -94,7 +94,7 @@ class AlreadyExistsError(ConflictError):
 
 
 class InvalidObjectError(KubeError):
-    """The API server does not accept the object; only a changed request can help."""
+    """The API server does not accept the object; only a changed request can succeed."""
 
     reason = "Invalid"
 
@@ -107,7 +107,7 @@ class TooManyError(KubeError):
 
 
 class ServerFailedError(KubeError):
-    """The API server has a problem of its own."""
+    """The API server failed."""
 
     retriable = True
     reason = "ServerFailed"
@@ -121,11 +121,11 @@ class UnreachableError(KubeError):
 
 
 class SilentError(UnreachableError):
-    """A watch has brought nothing for too long, not even a sign that nothing happens."""
+    """A watch has sent nothing for too long, not even a bookmark."""
 
 
 class NotLeaderError(RobotOffloadError):
-    """Another operator may be writing now; this one must not."""
+    """Another operator may be writing now, so this one must not."""
 
 
 def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> KubeError:
@@ -135,14 +135,14 @@ def error_of(status: int, body: str, headers: Mapping[str, str], doing: str) -> 
         status: HTTP status, 400 or more.
         body: the answer's text, normally a `Status` object in JSON.
         headers: the answer's headers; `Retry-After` is read.
-        doing: what was asked, for the message: `apply Deployment fleet/wheelchair-agent`.
+        doing: the request, for the message: `apply Deployment fleet/wheelchair-agent`.
     """
     answer = _status_object(body)
     message = f"cannot {doing}: {answer.get('message') or _shortened(body) or f'HTTP {status}'}"
     causes = (answer.get("details") or {}).get("causes") or ()
     details = tuple((str(cause.get("field", "")), str(cause.get("message", ""))) for cause in causes)
     if any(field == _UID for field, _ in details):
-        # For some kinds (Services) that is the answer to a write meant for an object that has been replaced meanwhile.
+        # For some kinds (Services) this is the answer to a write to an object that was meanwhile replaced.
         status = 409
     return _class_of(status, str(answer.get("reason", "")))(
         message, status=status, retry_after_s=_retry_after_s(headers), details=details
@@ -173,7 +173,7 @@ def _status_object(body: str) -> dict[str, Any]:
 
 
 def _retry_after_s(headers: Mapping[str, str]) -> float | None:
-    """Return seconds of a `Retry-After` header; its form with a date is ignored: it would compare two hosts' clocks."""
+    """Return the seconds of a `Retry-After` header; a date is ignored: it would compare two hosts' clocks."""
     for name, value in headers.items():
         if name.lower() == "retry-after":
             try:

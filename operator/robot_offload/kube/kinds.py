@@ -1,7 +1,7 @@
-"""Every kind of object that the program touches, and the verbs it uses on it.
+"""Every kind of object that the program uses, with its verbs.
 
-The chart's roles are tested against `USES`: a verb that is missing there would fail in a cluster, one that is there
-without being listed here would be a right nobody needs.
+The chart's roles are tested against `USES`: a verb missing there would fail in a cluster, one that is only there would
+be an unused right.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ CHILD_KINDS: Final = (
     STATEFUL_SET,
     DEPLOYMENT,
 )
-"""What a RobotOffload is made of, in the order in which it is applied. Each is watched, and pruned when not wanted."""
+"""A RobotOffload's children in the order in which they are applied. Each is watched, and pruned if not wanted."""
 
 _KINDS: Final = {
     (kind.api_version, kind.kind): kind
@@ -114,24 +114,24 @@ _KINDS: Final = {
 
 
 def kind_of(manifest: dict[str, object]) -> Kind:
-    """Return the kind of an object.
+    """Return the kind of a manifest.
 
     Raises:
-        KeyError: it is none that the program knows.
+        KeyError: the program does not know its kind.
     """
     return _KINDS[str(manifest["apiVersion"]), str(manifest["kind"])]
 
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """What the operator does with a kind.
+    """The operator's use of a kind.
 
     Attributes:
-        kind: which one.
-        verbs: as a role grants them.
+        kind: the kind.
+        verbs: as in a role.
         subresource: `status` and the like; empty for the object itself.
-        reason: why it is needed, for whoever reads the role.
-        optional: only needed when a feature is used (an issuer of cert-manager).
+        reason: why it is needed, for readers of the role.
+        optional: only needed if a feature is used (an issuer of cert-manager).
     """
 
     kind: Kind
@@ -161,4 +161,4 @@ USES: Final[tuple[Use, ...]] = (
         optional=True,
     ),
 )
-"""Verbs that the operator uses. `create` beside `patch`: server-side apply needs both to make a missing object."""
+"""Verbs that the operator uses. `create` beside `patch`: server-side apply needs both to create an object."""

@@ -1,4 +1,4 @@
-"""Pages that the API server serves beside its objects: its own, and those of Services behind its proxy."""
+"""Pages of the API server beside its objects: its own, and those of Services behind its proxy."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from robot_offload.kube.port import KubeApi, Manifest
 
 REPORTER_PORT: Final = 8080
 LONGEST: Final = 160
-"""Characters of an answer that a person reads."""
+"""Maximum characters of an answer shown to a person."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Page(Kind):
-    """Something that the API server answers at a fixed place and that is no object of a kind."""
+    """A page at a fixed path of the API server, not an object of a kind."""
 
     url: str = ""
 
     def path(self, namespace: str | None, name: str = "", subresource: str = "") -> str:
-        """Return the place."""
+        """Return the path."""
         return self.url
 
 
 async def read_page(api: KubeApi, url: str) -> Manifest | None:
-    """Return what the API server answers at `url` as JSON; None: there is nothing."""
+    """Read the API server's JSON answer at `url`; None: there is nothing."""
     return await api.get(_Page("", url, "", namespaced=False, url=url), None, "")
 
 
 def proxied(namespace: str, service: str, port: int, page: str) -> str:
-    """Return where the API server passes on a page of a Service."""
+    """Return the API server's proxy path for a page of a Service."""
     return f"/api/v1/namespaces/{namespace}/services/http:{service}:{port}/proxy/{page}"
 
 
 def answered(error: KubeError) -> str:
-    """Return the reporter's own words where it has answered, else the API server's."""
+    """Return the reporter's own words if it answered, else the API server's."""
     text = str(error)
     if "no endpoints available" in text:
         return "the cloud agent has no ready pod"

@@ -1,4 +1,4 @@
-"""What the program asks of an API server. Everything else in Kubernetes is out of reach on purpose."""
+"""The requests that the program makes to an API server. Everything else in Kubernetes is deliberately out of reach."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any, Final, Literal, Protocol, TypeAlias
 from robot_offload.kube.kinds import Kind
 
 Manifest = dict[str, Any]
-"""One Kubernetes object as it is written in YAML."""
+"""One Kubernetes object as written in YAML."""
 
 FIELD_MANAGER: Final = "robot-offload"
-"""The one name under which fields are owned in server-side apply."""
+"""The only field manager of server-side apply."""
 METADATA: Final = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
 METADATA_LIST: Final = "application/json;as=PartialObjectMetadataList;g=meta.k8s.io;v=v1"
-"""Forms of an answer that have nothing but `metadata`, of objects and of lists."""
+"""Forms of an answer with nothing but `metadata`, of objects and of lists."""
 Verb: TypeAlias = Literal["get", "list", "watch", "apply", "create", "patch", "delete", "patch status"]
-"""What a request asks for; the requests are counted by it."""
+"""The kind of a request; requests are counted by it."""
 READS: Final = frozenset({"get", "list", "watch"})
-"""The verbs that change nothing."""
+"""The read-only verbs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Which objects of a kind are listed and watched.
+    """The objects of a kind to list and to watch.
 
     Attributes:
         labels: a label selector as in URLs; empty: all.
@@ -42,9 +42,9 @@ class Change:
     """One event of a watch.
 
     Attributes:
-        type: ADDED, MODIFIED or DELETED; BOOKMARK: nothing, up to this version.
+        type: ADDED, MODIFIED or DELETED; BOOKMARK: no change up to this version.
         manifest: the object; of a deleted one its last state.
-        version: the resourceVersion to go on from.
+        version: the resourceVersion to continue from.
     """
 
     type: str
@@ -53,10 +53,10 @@ class Change:
 
 
 class KubeApi(Protocol):
-    """Reads and writes of objects. Every method raises a `KubeError` when the API server says no or is silent."""
+    """Reads and writes of objects. Every method raises a `KubeError` if the API server refuses or does not answer."""
 
     async def get(self, kind: Kind, namespace: str | None, name: str) -> Manifest | None:
-        """Return one object, or None where there is none."""
+        """Return one object, or None if it does not exist."""
         ...
 
     async def list(
@@ -68,26 +68,26 @@ class KubeApi(Protocol):
     def pages(
         self, kind: Kind, namespace: str | None, selection: Selection
     ) -> AsyncIterator[tuple[Sequence[Manifest], str]]:
-        """Yield a list in parts, each with the version that a watch can begin from after the last one."""
+        """Yield a list in pages, each with the version from which a watch can begin after the last one."""
         ...
 
     def watch(
         self, kind: Kind, namespace: str | None, selection: Selection, version: str, *, idle_s: float
     ) -> AsyncIterator[Change]:
-        """Yield what happens after a version, until the API server ends the watch.
+        """Yield changes after a version, until the API server ends the watch.
 
         Args:
             kind: of the objects.
             namespace: None: all.
-            selection: which of them.
-            version: as from `pages`. `ConflictError` when it is too old.
+            selection: of the objects.
+            version: as from `pages`. `ConflictError` if it is too old.
             idle_s: a connection that is silent for this long is a `SilentError`; the API server sends a bookmark
                 every minute.
         """
         ...
 
     def lines(self, path: str, *, idle_s: float) -> AsyncIterator[bytes]:
-        """Yield the lines of an answer that goes on, such as a stream behind the API server's proxy, until its end.
+        """Yield the lines of a continuing answer, such as a stream behind the API server's proxy, until its end.
 
         Args:
             path: with its query.
@@ -96,12 +96,12 @@ class KubeApi(Protocol):
         ...
 
     async def apply(self, manifest: Manifest, *, force: bool = False) -> Manifest:
-        """Return server-side apply as `FIELD_MANAGER`; creates what is missing.
+        """Apply server-side as `FIELD_MANAGER`; create the object if missing.
 
         Args:
             manifest: the fields to own, with namespace and name. A `metadata.uid` in it is a precondition: the write
-                is refused with `ConflictError` when the object is another one or is gone.
-            force: takes fields over that somebody else changed. Only for an object that is known to be ours.
+                is refused with `ConflictError` if the object is another one or is gone.
+            force: take over fields that others changed. Only for an object that is known to be ours.
 
         Returns:
             The object as the API server has it now.
@@ -109,21 +109,21 @@ class KubeApi(Protocol):
         ...
 
     async def create(self, manifest: Manifest) -> Manifest:
-        """Create an object; `AlreadyExistsError` when the name is taken."""
+        """Create an object; raise `AlreadyExistsError` if the name is taken."""
         ...
 
     async def patch(
         self, kind: Kind, namespace: str | None, name: str, patch: Mapping[str, Any], *, subresource: str = ""
     ) -> Manifest:
-        """Return JSON merge patch; a `metadata.resourceVersion` in it is a precondition (`ConflictError`)."""
+        """Send a JSON merge patch; a `metadata.resourceVersion` in it is a precondition (`ConflictError`)."""
         ...
 
     async def delete(self, kind: Kind, namespace: str | None, name: str, uid: str) -> None:
-        """Delete the object with this uid in the background; quiet when gone, `ConflictError` for another uid."""
+        """Delete the object with this uid in the background; ignore a missing one, `ConflictError` for another uid."""
         ...
 
     async def patch_status(self, manifest: Manifest) -> Manifest:
-        """Write `status` of the object with the same uid (and resourceVersion, when there is one)."""
+        """Write `status` of the object with the same uid (and resourceVersion, if given)."""
         ...
 
     async def close(self) -> None:

@@ -1,6 +1,6 @@
-"""Whether a host is reached without the proxy that the environment names: NO_PROXY as kubectl reads it.
+"""Whether a host is reached without the environment's proxy: NO_PROXY as kubectl reads it.
 
-Python's own reading knows names and suffixes. In clusters NO_PROXY is mostly networks.
+Python itself reads only names and suffixes. In clusters NO_PROXY is mostly networks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""When a request is sent again, and how long after. Pure: the client waits, this decides."""
+"""When to repeat a request, and after how long. Pure: this decides, the client waits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _LONGEST_PAUSE_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class RetryPolicy:
-    """How patient one request is. Longer troubles are for the caller, who reads everything anew.
+    """The patience of one request. Longer failures are left to the caller, who reads everything anew.
 
     Attributes:
-        attempts: how often a request is sent at most.
+        attempts: maximum number of sends.
         request_timeout_s: seconds to wait for one answer.
     """
 
@@ -24,14 +24,14 @@ class RetryPolicy:
     request_timeout_s: float = 15.0
 
     def pause_s(self, error: KubeError, attempt: int, *, idempotent: bool) -> float | None:
-        """Return seconds to wait before the next attempt; None: give up.
+        """Return the seconds to wait before the next attempt; None: give up.
 
-        A request that may not be sent twice is only repeated when it was surely not carried out (429).
+        A request that may not be sent twice is only repeated if it was surely not carried out (429).
 
         Args:
-            error: what came back.
-            attempt: how many attempts were made.
-            idempotent: whether sending it twice does no more than sending it once.
+            error: the failure.
+            attempt: number of attempts made.
+            idempotent: whether sending it twice has the same effect as once.
         """
         if attempt >= self.attempts:
             return None
@@ -40,6 +40,6 @@ class RetryPolicy:
         ):
             return None
         if error.retry_after_s is not None:
-            # Longer than our longest pause is not for us to sit out: the caller comes back later.
+            # A wait beyond our longest pause is left to the caller, who comes back later.
             return error.retry_after_s if error.retry_after_s <= _LONGEST_PAUSE_S else None
         return min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** (attempt - 1))

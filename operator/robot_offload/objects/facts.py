@@ -1,4 +1,4 @@
-"""What rendering must know of the cluster. The controller gathers it; nothing here asks anybody."""
+"""The facts about the cluster that rendering needs. The controller gathers them; nothing here makes requests."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
 BUILDER: Final = "quay.io/buildah/stable:v1.42.2"
-"""buildah as its makers publish it, with a user of its own (uid 1000) that may use further user ids."""
+"""buildah as its makers publish it, with a user (uid 1000) that may use further user ids."""
 
 HOME: Final = "robot-offload-system"
-"""The operator's own namespace, where nobody has said otherwise."""
+"""The operator's default namespace."""
 
 Purpose: TypeAlias = Literal["pulse", "data", "pulse-fallback", "data-fallback", "discovery", "router"]
 
@@ -20,11 +20,11 @@ class Images:
     """The container images of our own programs, and of the one that builds images.
 
     Attributes:
-        agent: the cloud agent; usually one that is built on the user's own interfaces.
-        operator: the operator, which holds the reporter as well.
+        agent: the cloud agent; usually built on the user's own interfaces.
+        operator: the operator, which contains the reporter as well.
         discovery: Fast DDS with its discovery server.
         router: the DDS Router.
-        git: git and ssh, which fetch the source of a build; empty: nothing is built in this cluster.
+        git: git and ssh, which fetch the source of a build; empty: this cluster builds nothing.
         builder: buildah, for nodes that are built in the cluster.
     """
 
@@ -38,10 +38,10 @@ class Images:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where the robot reaches something of the cloud.
+    """An address at which the robot reaches the cloud.
 
     Attributes:
-        purpose: what listens there.
+        purpose: of the listener.
         protocol: UDP or TCP.
         host: DNS name or IP address, without brackets.
         port: as seen from outside.
@@ -65,15 +65,15 @@ def address(host: str, port: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """What whoever runs the cluster has decided about network policies.
+    """The cluster administrator's decisions about network policies.
 
     Attributes:
-        policies: whether there are any of ours; without them those of the namespace alone hold.
+        policies: whether to create ours; without them only those of the namespace apply.
         dns: networks of the name servers; empty: any.
         api_server: networks of the API servers; empty: any.
         metrics_from: namespaces whose pods may read the metrics beside the agents.
-        api_server_from: networks from which API servers reach the reporters, for who reads them through the API
-            server's proxy; empty: none are let in.
+        api_server_from: networks from which API servers reach the reporters, for readers through the API server's
+            proxy; empty: none are let in.
     """
 
     policies: bool = True
@@ -85,30 +85,30 @@ class Network:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """The state of the cluster as far as the children depend on it.
+    """The part of the cluster's state on which the children depend.
 
     Attributes:
         namespace: the Kubernetes namespace of the RobotOffload.
-        uid: its identity: children are owned by it, and agents of another one are not heard.
-        generation: of its specification; the agents say which one they run.
-        images: our own programs.
+        uid: of the RobotOffload: it owns the children, and agents with another one are ignored.
+        generation: of its specification; the agents report which one they run.
+        images: of our own programs.
         nodes_wanted: False: the nodes have no pods (the robot is gone for long, or spec.replicas is 0).
         robot_connected: whether the robot is connected now; Cold nodes have pods only then.
         endpoints: the addresses known so far, from `transport.observed_endpoints`.
         discovery_hosts: addresses of the discovery servers in the cluster, by their ids; empty: not known yet, and what
             needs them is not rendered.
-        certificate_hash: of what is in the Secret of the cloud's certificate; a renewed one rolls what reads it.
-        certificate_answer: to the robot's request for a certificate, as the robot reads it; empty: it has none.
-        user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: it is missing.
-        user_configs: what is in them, by `name/key`; replicas get a copy in which they find their own names.
+        certificate_hash: of the Secret of the cloud's certificate; a renewed one rolls the pods that read it.
+        certificate_answer: to the robot's request for a certificate, in the robot's form; empty: there is no request.
+        user_config_hashes: of the ConfigMaps of `parametersFrom`, by `name/key`; empty text: missing.
+        user_configs: their content, by `name/key`; replicas get a copy with their own names.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
-        network: what is decided about network policies.
-        home: the operator's own namespace; the keys of the robots' authorities are there.
-        author: who changed the specification last, and when, for the robots' audit trails; empty: nobody knows.
+        network: decisions about network policies.
+        home: the operator's own namespace, which holds the keys of the robots' authorities.
+        author: who changed the specification last, and when, for the robots' audit trails; empty: not known.
         identity: the uid by which the robot knows its cloud; empty: `uid`.
-        pull_secrets: names of Secrets in the namespace with which images of all robots are fetched.
-        pod_spec: what whoever runs the cluster says about all pods.
-        built: the images of nodes that are built in the cluster, by node; one that is not there yet is missing.
+        pull_secrets: names of Secrets in the namespace for pulling the images of all robots.
+        pod_spec: the cluster administrator's fields for all pods.
+        built: the images of nodes that are built in the cluster, by node; unfinished ones are missing.
     """
 
     namespace: str
@@ -138,7 +138,7 @@ class Facts:
 
 
 def default_images(version: str) -> Images:
-    """Return our own images of one version, where nobody has named others."""
+    """Return our own images of one version, the default."""
     return Images(
         *(f"registry.robotoffload.dev/{name}:{version}" for name in ("agent", "operator", "discovery", "router", "git"))
     )

@@ -7,11 +7,11 @@ import json
 from typing import Any, Final
 
 ANNOTATION: Final = "robotoffload.dev/config-hash"
-"""On pod templates; Kubernetes replaces a pod when its template changes."""
+"""On pod templates: Kubernetes replaces a pod if its template changes."""
 _LENGTH: Final = 16
 
 
 def config_hash(*read: Any) -> str:
-    """16 hexadecimal digits that change when any of `read` does (plain values; the order of keys is no change)."""
+    """Return 16 hexadecimal digits that depend on all of `read` (plain values; the order of keys does not matter)."""
     canonical = json.dumps(read, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(canonical.encode()).hexdigest()[:_LENGTH]

@@ -1,4 +1,4 @@
-"""The labels of all children, by which they and their pods are found."""
+"""The labels of all children, for finding them and their pods."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ COMPONENT: Final = "app.kubernetes.io/component"
 MANAGED_BY: Final = "app.kubernetes.io/managed-by"
 NODE: Final = "robotoffload.dev/node"
 MOST_PODS: Final = "robotoffload.dev/max-replicas"
-"""Annotation of a Deployment that an autoscaler may scale: to how many pods at most."""
+"""Annotation of a Deployment that an autoscaler may scale: its maximum of pods."""
 MANAGER: Final = "robot-offload"
 
 
 def instance_labels(offload: RobotOffload) -> dict[str, str]:
-    """Return the labels by which all children of a RobotOffload are found."""
+    """Return the labels for finding all children of a RobotOffload."""
     return {NAME: MANAGER, INSTANCE: offload.metadata.name}
 
 
@@ -29,5 +29,5 @@ def labels(offload: RobotOffload, component: Component) -> dict[str, str]:
 
 
 def selector(offload: RobotOffload, component: Component) -> dict[str, str]:
-    """Return the labels by which a Service, a Deployment or a policy finds its pods; they never change."""
+    """Return the labels with which a Service, a Deployment or a policy selects its pods; they never change."""
     return {**instance_labels(offload), COMPONENT: component}

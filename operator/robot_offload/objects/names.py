@@ -1,7 +1,7 @@
 """The names of all objects that a RobotOffload gets in the cluster. Every name comes from `child_name`.
 
-A name must fit a label (63 characters) and a Service (a letter first). What does not fit is cut and gets a hash of
-the whole, so that two long names stay two, and the same input gives the same name for ever.
+A name must fit a label (63 characters) and a Service (a letter first). One that does not fit is cut and gets a hash of
+the whole, so that two long names stay different, and the same input always gives the same name.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 
 MAX_LENGTH: Final = 63
 MAX_STATEFUL_LENGTH: Final = 52
-"""Of a StatefulSet: Kubernetes adds a dash and ten characters, and makes a label of it."""
+"""Of a StatefulSet: Kubernetes adds a dash and ten characters, and makes it a label."""
 _HASH_LENGTH: Final = 8
 _FITS: Final = re.compile(r"[a-z]([-a-z0-9]*[a-z0-9])?")
 
@@ -31,7 +31,7 @@ CLIENT_CA: Final = "client-ca"
 BUILD: Final = "build"
 IMAGES: Final = "images"
 PARAMETERS: Final = "renamed-parameters"
-"""Not plain `parameters`: that is what people call their own ConfigMap."""
+"""Not plain `parameters`, which users call their own ConfigMap."""
 _LAST_WORDS: Final = frozenset(
     word.rpartition("-")[2]
     for word in (
@@ -39,9 +39,9 @@ _LAST_WORDS: Final = frozenset(
         PARAMETERS,
     )
 )  # fmt: skip
-"""With which names of our own children end."""
+"""The endings of our own children's names."""
 _ONE_WORD: Final = re.compile(r"(?![0-9a-f]{8}$)[a-z][a-z0-9]*")
-"""One that is not taken for a hash."""
+"""A word that cannot be taken for a hash."""
 
 
 def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
@@ -49,13 +49,13 @@ def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
 
     Args:
         offload: the RobotOffload's name.
-        parts: what is added, joined by dashes.
-        limit: characters at most.
+        parts: added, joined by dashes.
+        limit: maximum of characters.
     """
     name = "-".join((offload, *parts))
     if len(name) <= limit and _FITS.fullmatch(name):
         return name
-    # The parts are hashed one by one, so that `a` + `b-c` and `a-b` + `c` differ once they are cut.
+    # The parts are hashed one by one, so that `a` + `b-c` and `a-b` + `c` differ after cutting.
     digest = _digest("\0".join((offload, *parts)))
     readable = name if name[0].isalpha() else f"r-{name}"
     return f"{readable[: limit - _HASH_LENGTH - 1].rstrip('-')}-{digest}"
@@ -64,9 +64,9 @@ def child_name(offload: str, *parts: str, limit: int = MAX_LENGTH) -> str:
 def node_child(offload: str, node: str) -> str:
     """Return the name of a node's Deployment: `wheelchair-7`, `talker` -> `wheelchair-7-talker`.
 
-    Two RobotOffloads of a namespace must never want one name, whatever somebody calls theirs: `fleet` with node
-    `x_agent` and the agent of `fleet-x` would. So only a node whose name is a single word, with which no name of
-    our own ends, is found under it; every other one gets a hash of both names.
+    Two RobotOffloads of a namespace must never want one name, whatever their names: `fleet` with node `x_agent` and the
+    agent of `fleet-x` would. So only a node whose name is a single word, and not an ending of our own names, keeps it;
+    every other one gets a hash of both names.
     """
     plain = node.lower().strip("_").replace("_", "-")
     if _ONE_WORD.fullmatch(node) and node not in _LAST_WORDS:

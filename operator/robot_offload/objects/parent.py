@@ -1,7 +1,7 @@
-"""A RobotOffload as the parent of its objects in the cluster: what all children have in common.
+"""A RobotOffload as the parent of its objects in the cluster: what all children share.
 
-Builders take a `Parent` (what is declared, and what is known of the cluster) and say for each child its kind, the part
-that the child belongs to and its body; name, namespace, labels and owner come from here.
+Builders take a `Parent` (the declaration, and the known state of the cluster) and give each child its kind, its part
+and its body; name, namespace, labels and owner come from here.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from robot_offload.objects.facts import Facts
 from robot_offload.objects.labels import Component
 
 MAX_COMMON_NAME: Final = 64
-"""Characters, by X.520."""
+"""Characters, from X.520."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What the objects of one part of a RobotOffload are called, and by which labels its pods are found.
+    """One part of a RobotOffload: the name of its objects, and the labels for finding its pods.
 
     Attributes:
         name: of the objects.
-        component: which labels they carry.
-        own: labels that tell the pods of this part from others of the same component.
+        component: for their labels.
+        own: labels that distinguish the pods of this part from others of the same component.
     """
 
     name: str
@@ -40,11 +40,11 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Parent:
-    """A RobotOffload and what is known of the cluster: all that builders of its children read.
+    """A RobotOffload and the known state of the cluster: all that builders of its children read.
 
     Attributes:
-        offload: what is declared, as it was accepted.
-        facts: the state of the cluster as far as the children depend on it.
+        offload: the declaration, as accepted.
+        facts: the part of the cluster's state on which the children depend.
     """
 
     offload: RobotOffload
@@ -57,7 +57,7 @@ class Parent:
 
     @property
     def spec(self) -> RobotOffloadSpec:
-        """Return what is declared."""
+        """Return the declaration."""
         return self.offload.spec
 
     @property
@@ -67,7 +67,7 @@ class Parent:
 
     @property
     def uid(self) -> str:
-        """Return the uid of the RobotOffload, by which children are known as its own."""
+        """Return the uid of the RobotOffload, which identifies its children."""
         return self.facts.uid
 
     @property
@@ -77,14 +77,14 @@ class Parent:
 
     @property
     def agent_image(self) -> str:
-        """Return the image of the agent: the declared one, or else the one that the operator was given."""
+        """Return the image of the agent: the declared one, or else the operator's default."""
         return self.spec.cloud.agent.image or self.facts.images.agent
 
     def certificate_name(self, side: Side) -> str:
-        """Return the common name in the certificate of a side: what its other side insists on.
+        """Return the common name in the certificate of a side, which the other side requires.
 
-        An issuer may sign for many RobotOffloads, of several namespaces, so the names say which one. With an underscore
-        they are names of no host, and no public authority certifies them.
+        An issuer may sign for many RobotOffloads, of several namespaces, so the name identifies the RobotOffload. With
+        its underscore it is not a host name, so no public authority certifies it.
         """
         if self.spec.transport.certificates.issuer_ref is None:
             return self.name if side == "robot" else "cloud"
@@ -98,7 +98,7 @@ class Parent:
     def child(
         self, kind: Kind, part: Part, body: Mapping[str, object], annotations: Mapping[str, str] | None = None
     ) -> Manifest:
-        """Return an object that belongs to the RobotOffload and goes away with it."""
+        """Return an object that belongs to the RobotOffload and is deleted with it."""
         metadata: Manifest = {
             "name": part.name,
             "namespace": self.namespace,
@@ -114,11 +114,11 @@ class Parent:
         return self.child(CONFIG_MAP, part, {"data": dict(data)})
 
     def selector(self, part: Part) -> dict[str, str]:
-        """Return the labels by which the pods of a part are found; they never change."""
+        """Return the labels with which the pods of a part are selected; they never change."""
         return {**labels.selector(self.offload, part.component), **part.own}
 
     def _owner(self) -> Manifest:
-        """Return the owner reference; the cluster's own garbage collector needs nothing else."""
+        """Return the owner reference, which is all that the cluster's garbage collector needs."""
         return {
             "apiVersion": API_VERSION,
             "kind": KIND,

@@ -1,4 +1,4 @@
-"""Parts of pods: what a namespace with the restricted Pod Security level asks for, and what all our pods share."""
+"""Parts of pods: what the restricted Pod Security level of a namespace requires, and what all our pods share."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ def pod_template(
     """Return the template of a pod.
 
     Args:
-        parent: whose pod it is.
-        part: which part it is.
+        parent: owner of the pod.
+        part: of the pod.
         containers: as built by `container`.
-        read: hash of what its containers read when they start, see `hashes`.
-        grace_s: seconds between the wish to stop it and the kill.
+        read: hash of what its containers read at their start, see `hashes`.
+        grace_s: seconds between the request to stop it and the kill.
         volumes: beside the one for /tmp.
-        extra: further fields of the pod's specification; a `nodeSelector` is laid over that of spec.cloud.
-        own: what a user says about this pod alone, laid over what is said about all of them.
+        extra: further fields of the pod's specification; a `nodeSelector` overrides that of spec.cloud.
+        own: the user's fields for this pod alone, which override those for all pods.
     """
     cloud = parent.spec.cloud
     further = dict(extra or {})
     node_selector = {**cloud.node_selector, **further.pop("nodeSelector", {})}
     spec: Manifest = {
-        # The token would only be of use to somebody who has broken in; the reporter mounts its own.
+        # Only an intruder could use the token; the reporter mounts its own.
         "automountServiceAccountToken": False,
         "enableServiceLinks": False,
         "securityContext": _pod_security(cloud),
@@ -83,8 +83,8 @@ def container(
     Args:
         name: of the container.
         image: of the container.
-        args: what its entry point runs.
-        environment: values, or where Kubernetes reads them (`valueFrom`), by the variables' names.
+        args: the command that its entry point runs.
+        environment: values, or where Kubernetes reads them (`valueFrom`), by variable name.
         mounts: beside /tmp.
         resources: requests and limits.
         extra: further fields.
@@ -111,7 +111,7 @@ def container(
 
 
 def literal(text: str) -> str:
-    """Return a user's text as args and env must have it: the kubelet expands `$(NAME)` and makes `$` of `$$`."""
+    """Return a user's text escaped for args and env: the kubelet expands `$(NAME)` and makes `$` of `$$`."""
     return text.replace("$", "$$")
 
 
@@ -119,21 +119,21 @@ def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int 
     """Return a Deployment.
 
     Args:
-        parent: whose it is.
-        part: which part it is.
+        parent: owner of the Deployment.
+        part: of the Deployment.
         template: of its pods.
-        replicas: how many pods.
-        most: 0: one pod at most, the old one is gone before the new one starts, never two at a time. Else the pods are
-            a pool and may overlap; an autoscaler may ask for so many.
+        replicas: number of pods.
+        most: 0: one pod at most, the old one is gone before the new one starts. Otherwise the pods are a pool that may
+            overlap, and an autoscaler may request up to this many.
     """
     strategy: Manifest = {"type": "Recreate"}
     if most:
-        # Written out: what the API server fills in would stay when the node is no pool any more, and be refused.
+        # Explicit: the API server's default would stay when the node is no longer a pool, and would then be refused.
         strategy = {"type": "RollingUpdate", "rollingUpdate": {"maxSurge": "25%", "maxUnavailable": "25%"}}
     body = {
         "replicas": replicas,
         "revisionHistoryLimit": 2,
-        # A pod that dies again and again within these seconds is not said to be available in between.
+        # A pod that keeps dying within these seconds is not reported as available in between.
         "minReadySeconds": 3,
         "strategy": strategy,
         "selector": {"matchLabels": parent.selector(part)},
@@ -144,11 +144,11 @@ def deployment(parent: Parent, part: Part, template: Manifest, *, replicas: int 
 
 
 def ros_environment(offload: RobotOffload) -> dict[str, str]:
-    """Return environment of everything that speaks ROS 2 in the cloud."""
+    """Return the environment of everything that speaks ROS 2 in the cloud."""
     return {
         "ROS_DOMAIN_ID": str(offload.spec.cloud_domain_id),
         "RMW_IMPLEMENTATION": offload.spec.cloud_rmw,
-        # Pods have a /dev/shm each but may look like one host: shared memory would match and deliver nothing.
+        # Each pod has its own /dev/shm but may look like the same host: shared memory would match and deliver nothing.
         "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
         "HOME": TMP,
         "ROS_LOG_DIR": TMP,
@@ -166,10 +166,9 @@ def certificates_volume(secret: str) -> Manifest:
 
 
 def listens(port: int, protocol: str = "tcp") -> Manifest:
-    """Return a readiness probe: a port of the pod is open.
+    """Return a readiness probe: whether a port of the pod is open.
 
-    Nothing connects to it. A connection that says nothing is a failed handshake, and the programs behind these ports
-    stop for that.
+    It makes no connection. An empty connection is a failed handshake, at which the programs behind these ports stop.
 
     Args:
         port: its number.
@@ -182,14 +181,14 @@ def listens(port: int, protocol: str = "tcp") -> Manifest:
 
 
 def mount(name: str, path: str, *, read_only: bool = True) -> Manifest:
-    """Return where a container sees a volume: a whole folder, as a single file would never be refreshed."""
+    """Mount a volume in a container: a whole folder, as a single file would never be refreshed."""
     return {"name": name, "mountPath": path, "readOnly": True} if read_only else {"name": name, "mountPath": path}
 
 
 def _pod_security(cloud: CloudSide) -> Manifest:
     result: Manifest = {"runAsNonRoot": True, "seccompProfile": {"type": "RuntimeDefault"}}
     if cloud.run_as_user is not None:
-        # The group is what lets a process that is not root read its private key.
+        # The group lets a process that is not root read its private key.
         result |= {"runAsUser": cloud.run_as_user, "runAsGroup": cloud.run_as_user, "fsGroup": cloud.run_as_user}
     return result
 

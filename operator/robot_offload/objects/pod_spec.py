@@ -1,4 +1,4 @@
-"""Lays what users and administrators say about pods over what we make of them."""
+"""Merges the pod settings of users and administrators into our pods."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from robot_offload.api.strict_yaml import thaw
 from robot_offload.kube.port import Manifest
 
 _ADDED: Final = ("resourceClaims", "tolerations", "topologySpreadConstraints", "volumes")
-"""Lists that are added to ours."""
+"""Lists that are appended to ours."""
 
 
 def laid_over(pod: Manifest, *parts: Mapping[str, Any]) -> Manifest:
-    """Return a pod's specification with further parts, the later ones over the earlier ones.
+    """Return a pod's specification overridden by further parts, in their order.
 
-    Containers and what they mount are told apart by name: a part that names a container which this pod has not says
-    nothing about this pod.
+    Containers and their mounts are identified by name: an entry for a container that this pod lacks is ignored.
 
     Args:
         pod: as we make it.
-        parts: as `api.v1alpha1.pod_spec` has checked them.
+        parts: as checked by `api.v1alpha1.pod_spec`.
     """
     for part in parts:
         if part:

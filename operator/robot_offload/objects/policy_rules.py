@@ -1,4 +1,4 @@
-"""Building blocks of network policies: which traffic of our pods is declared. Everything else is refused."""
+"""Building blocks of network policies: our pods' declared traffic. Everything else is refused."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LAST_PORT: Final = 65535
 _EVERYWHERE: Final = {"0.0.0.0/0": ("169.254.0.0/16",), "::/0": ("fe80::/10", "fd00:ec2::254/128")}
 """All addresses, each without the link-local ones (RFC 3927, RFC 4291) and AWS's metadata service over IPv6."""
 _KUBERNETES_API: Final = (443, 6443, 8443, 16443)
-"""The Service's port, and those on which API servers listen: most networks see the port behind the Service."""
+"""The Service's port, and the usual ports of API servers: most networks see the port behind the Service."""
 
 
 def policy(
@@ -29,12 +29,12 @@ def policy(
     ingress: Sequence[Manifest],
     egress: Sequence[Manifest],
 ) -> Manifest:
-    """Return the policy of the pods of one part: both ways closed but for these rules."""
+    """Return the policy of the pods of one part: closed both ways except for these rules."""
     spec: Manifest = {
         "podSelector": {"matchLabels": parent.selector(part)},
         "policyTypes": ["Ingress", "Egress"],
     }
-    # The API server drops empty lists, and would seem to have been changed for ever.
+    # The API server drops empty lists, so the object would always seem changed.
     spec |= {way: list(given) for way, given in (("ingress", ingress), ("egress", egress)) if given}
     return parent.child(NETWORK_POLICY, Part(part.name, "network"), {"spec": spec})
 
@@ -46,23 +46,23 @@ def port(protocol: str, number: int, end: int | None = None) -> Manifest:
 
 
 def anybody(*ports: Manifest) -> Manifest:
-    """Return a rule, either way, for these ports and any other end."""
+    """Return a rule, for either direction, for these ports and any other end."""
     return {"ports": list(ports)}
 
 
 def outside(*ports: Manifest) -> Manifest:
-    """Return a rule for what goes to any host or pod but the machines' own services, such as a cloud's metadata."""
+    """Return a rule for traffic to any host or pod except the machines' own services, such as a cloud's metadata."""
     blocks = [{"cidr": cidr, "except": list(kept)} for cidr, kept in _EVERYWHERE.items()]
     return {"to": [{"namespaceSelector": {}}, *({"ipBlock": block} for block in blocks)], "ports": list(ports)}
 
 
 def coming_from(labels: dict[str, str], *ports: Manifest) -> Manifest:
-    """Return a rule for what comes from pods of this namespace with these labels."""
+    """Return a rule for traffic from pods of this namespace with these labels."""
     return {"from": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
 
 
 def going_to(labels: dict[str, str], *ports: Manifest) -> Manifest:
-    """Return a rule for what goes to pods of this namespace with these labels."""
+    """Return a rule for traffic to pods of this namespace with these labels."""
     return {"to": [{"podSelector": {"matchLabels": labels}}], "ports": list(ports)}
 
 
@@ -73,7 +73,7 @@ def dds(offload: RobotOffload) -> Manifest:
 
 
 def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest], list[Manifest]]:
-    """Return DDS between the pods of this RobotOffload, both ways; with the robot, wherever it is, if `robot`."""
+    """Return rules for DDS between the pods of this RobotOffload, both ways; with the robot anywhere, if `robot`."""
     ports = dds(offload)
     if robot:
         return [anybody(ports)], [anybody(ports)]
@@ -82,12 +82,12 @@ def dds_both_ways(offload: RobotOffload, *, robot: bool) -> tuple[list[Manifest]
 
 
 def names(network: Network) -> Manifest:
-    """Return the rule for DNS, which may be anywhere, even on the node itself, unless its networks are given."""
+    """Return the rule for DNS, whose server may be anywhere, even on the node, unless its networks are given."""
     return _within(network.dns, port("UDP", 53), port("TCP", 53))
 
 
 def kubernetes_api(network: Network) -> Manifest:
-    """Return talking to the API server, whose address no label tells."""
+    """Return the rule for the API server, whose address no label identifies."""
     return _within(network.api_server, *(port("TCP", number) for number in _KUBERNETES_API))
 
 

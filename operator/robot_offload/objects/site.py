@@ -1,4 +1,4 @@
-"""What an agent must know that is not in the resource: where it runs and what it was given."""
+"""The facts that an agent needs beside the resource: where it runs and what it was given."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ class AgentSite:
     """Where an agent runs and what it was given.
 
     Attributes:
-        side: whose agent it is.
-        host: robot: the cloud's name or address; cloud: the address to listen on (`0.0.0.0` is every one).
+        side: of the agent.
+        host: robot: the cloud's name or address; cloud: the address to listen on (`0.0.0.0`: all).
         pulse_port: port of the pulse session as seen from this side; None = the resource's.
         data_port: port of the data session as seen from this side; None = the resource's.
-        ca: file with the certificates that the other side's is checked against.
+        ca: file with the certificates for checking the other side's.
         certificate: file with this side's certificate.
         private_key: file with its key.
-        endpoints: robot: where the cloud is reached, purpose by purpose; empty: `host` and the ports.
-        observers: cloud: common names of certificates that may listen to everything and say nothing; the laboratory's.
+        endpoints: robot: the cloud's addresses by purpose; empty: `host` and the ports.
+        observers: cloud: common names of certificates that may only listen, to everything; the laboratory's.
         verify_name: whether the robot checks that the cloud's certificate names `host`.
         peer_name: the common name in the other side's certificate; empty: as in certificates of our own authorities.
-        uid: identity of the RobotOffload between the agents; empty = its name.
+        uid: of the RobotOffload, for the agents to recognize each other; empty = its name.
         domain_id: ROS_DOMAIN_ID of this side; None = the resource's.
         runtime_dir: folder for sockets and pid files; empty = the agent's default.
-        state_dir: folder for what outlives a reboot; empty = the agent's default.
+        state_dir: folder for what must survive a reboot; empty = the agent's default.
         realtime: whether the pulse process asks for real-time priority.
-        generation: of the resource's specification that this configuration was made from; 0 = none.
-        state_file: where the agent writes what it does; empty = nowhere.
+        generation: of the specification from which this configuration was made; 0 = none.
+        state_file: the agent's state, written by it; empty = none.
         certificate_file: the answer to the robot's request for a certificate, which the cloud's agent watches; empty =
             none.
-        settings_file: the run-time settings that the cloud's agent watches; empty = none.
-        handover_file: by which the cloud's agent is asked to hand over; empty = none.
+        settings_file: the run-time settings, which the cloud's agent watches; empty = none.
+        handover_file: requests the cloud's agent to hand over; empty = none.
     """
 
     side: Side

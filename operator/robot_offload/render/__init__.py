@@ -1,1 +1,1 @@
-"""Pure functions that turn a RobotOffload into the texts and objects that others read."""
+"""Pure functions that turn a RobotOffload into texts and objects for others to read."""

@@ -1,7 +1,7 @@
 """RobotOffload -> agent configuration: one ROS 2 parameter file per side, the contract with the agent.
 
-Every key is always written, so that the file says all that the agent knows and no default lives in two places.
-ROS parameters know no empty lists: an empty one is written as `["none"]`, and topics without a given type or quality
+Every key is always written, so that the file holds all of the agent's settings and no default is in two places. ROS
+parameters have no empty lists: an empty one is written as `["none"]`, and topics without a given type or quality
 of service carry `auto` (read from the running system). Durations are floats in milliseconds.
 """
 
@@ -33,9 +33,9 @@ __all__ = ["AgentSite", "agent_config", "agent_parameters", "parameter_file", "r
 
 AUTO: Final = "auto"
 PREPARE_MS: Final = 5_000
-"""For goals to be accepted on the side that gets ready; costmaps fill meanwhile."""
+"""Time for goals to be accepted on the side that prepares; costmaps fill meanwhile."""
 FALLBACK_AFTER_MS: Final = 5_000.0
-"""Longer than a session needs to come back after the other agent restarted, so that a restart causes no fallback."""
+"""Longer than a session takes to return after the other agent restarted: a restart causes no fallback."""
 RUN_TIME: Final = frozenset(
     (
         "generation", "mode", "pin", "prefer", "loss_timeout_ms", "lease_ms", "max_command_age_ms", "robot_period_ms",
@@ -43,7 +43,7 @@ RUN_TIME: Final = frozenset(
         "flap_window_ms", "activation_deadline_ms", "max_clock_offset_ms",
     )
 )  # fmt: skip
-"""What running agents take over; a contract test holds it against the agent's own list."""
+"""Settings that running agents adopt; a contract test compares it with the agent's own list."""
 RUN_TIME_INPUT: Final = frozenset(("max_age_ms", "max_rate_hz"))
 """The same of each input."""
 SHARED: Final = RUN_TIME | {
@@ -52,11 +52,11 @@ SHARED: Final = RUN_TIME | {
     "used_action", "states", "state", "silent", "max_message_size", "prepare_deadline_ms", "cancel_deadline_ms",
     "settle_for_ms", "record",
 }  # fmt: skip
-"""What follows from the resource alone, not from where an agent runs."""
+"""Settings that depend on the resource alone, not on where an agent runs."""
 _DUMPER: Final = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-"""In C where PyYAML has it: an operator of many robots writes these files at every look at each of them."""
+"""In C if PyYAML has it: an operator of many robots writes these files in every pass over each."""
 BLACK_BOX_MIB: Final[dict[Side, int]] = {"robot": 64, "cloud": 8}
-"""What the agents keep of their own decisions; the robot's file may say another size."""
+"""Size of the agents' record of their own decisions; the robot's file may set another size."""
 _QOS_WORDS: Final = {
     "Reliable": "reliable",
     "BestEffort": "best_effort",
@@ -71,15 +71,15 @@ def agent_config(offload: RobotOffload, site: AgentSite) -> str:
 
 
 def parameter_file(parameters: Mapping[str, Any], author: str = "") -> str:
-    """Return nested parameters as a ROS 2 parameter file for every node; `author`: who changed them last."""
+    """Return nested parameters as a ROS 2 parameter file for every node; `author`: their last author."""
     document: dict[str, Any] = {"/**": {"ros__parameters": dict(parameters)}}
     if author:
-        document["changed_by"] = author  # beside the parameters: agents of earlier releases read past it
+        document["changed_by"] = author  # beside the parameters: agents of earlier releases ignore it
     return yaml.dump(document, Dumper=_DUMPER, sort_keys=False, default_flow_style=None, width=1000, allow_unicode=True)
 
 
 def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-    """Return the agent's parameters as nested mappings, in the order in which a person reads them."""
+    """Return the agent's parameters as nested mappings, in an order for human readers."""
     spec = offload.spec
     domain_id = spec.robot.domain_id if site.side == "robot" else spec.cloud_domain_id
     nodes = nodes_on(spec, site.side)
@@ -108,15 +108,15 @@ def agent_parameters(offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
         "input": {identifier(topic.name): _input(topic) for topic in inputs},
         **handed_over(spec),
     }
-    # rcl's reader of parameter files refuses a file in which an empty mapping is followed by something else.
+    # rcl's reader of parameter files refuses a file in which something follows an empty mapping.
     return {name: value for name, value in parameters.items() if value != {}}
 
 
 def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]:
-    """Return what the cloud's agent pushes to a connected robot: all that both sides share, always complete.
+    """Return the settings that the cloud's agent pushes to a connected robot: all shared ones, always complete.
 
-    The robot takes over what may change while it runs (see RUN_TIME) and compares the rest with its own file: a
-    difference there needs a new bundle, and it says so.
+    The robot adopts those that may change while it runs (see RUN_TIME) and compares the rest with its own file: it
+    reports a difference there, which needs a new bundle.
 
     Args:
         offload: the resource.
@@ -127,7 +127,7 @@ def runtime_parameters(offload: RobotOffload, generation: int) -> dict[str, Any]
 
 
 def start_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an agent's parameters without those that it takes over while it runs: what changes only by a new start."""
+    """Return an agent's parameters without those that it adopts while it runs: the ones that need a restart."""
     kept = {name: value for name, value in parameters.items() if name not in RUN_TIME}
     inputs = {
         name: {key: value for key, value in values.items() if key not in RUN_TIME_INPUT}
@@ -207,12 +207,12 @@ def _node(node: Node) -> dict[str, Any]:
         "duplicated": node.duplicated,
         "core": node.core,
         "lifecycle": node.lifecycle,
-        # In order, because the order in which a person writes them is no change.
+        # Sorted, because reordering them is not a change.
         "may_differ": listed(
             sorted(name for name, _ in flat_parameters(node.run.cloud_parameters if node.run else {}))
         ),
         "standby_robot": "Hot" if "robot" in hot else "Warm",
-        # A Cold replica that has no pod yet is simply not there; once it runs it is kept as a Warm one.
+        # A Cold replica without a pod is simply absent; once it runs it is kept like a Warm one.
         "standby_cloud": "Hot" if "cloud" in hot else "Warm",
     }
 

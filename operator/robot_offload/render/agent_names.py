@@ -1,4 +1,4 @@
-"""Services, actions and state of a RobotOffload as parameters of the agents, the same on both sides."""
+"""A RobotOffload's services, actions and state as parameters of the agents, the same on both sides."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from robot_offload.api.v1alpha1.served import SNAPSHOT_MAX_AGE_MS, SNAPSHOT_MAX_
 NONE: Final = ["none"]
 CLOUD_ENDS: Final = "Abort"
 DEFAULT_ON_SWITCH: Final = "ResendOnLoss"
-"""What becomes of a goal at a Cloud node when the cloud is away: nobody else could go on with it."""
+"""The fate of a goal at a Cloud node when the cloud is lost: no other replica could continue it."""
 
 
 def listed(names: Iterable[str]) -> list[str]:
-    """Return a list of its own each time: YAML writes a second mention of the same one as an alias, ROS reads none."""
+    """Return a new list each time: YAML writes a second mention of the same one as an alias, which ROS cannot read."""
     return list(names) or list(NONE)
 
 
 def hot_sides(node: Node) -> tuple[Side, ...]:
-    """Return the sides on which a duplicated node stays active in standby; one without a lifecycle always does."""
+    """Return the sides on which a duplicated node is active in standby; one without a lifecycle always is."""
     if not node.duplicated:
         return ()
     hot = {"robot": node.standby.robot == "Hot", "cloud": node.standby.cloud == "Hot"}
@@ -29,11 +29,11 @@ def hot_sides(node: Node) -> tuple[Side, ...]:
 
 
 def handed_over(spec: RobotOffloadSpec) -> dict[str, Any]:
-    """Return the parameters of what is served, used and kept, as nested mappings."""
+    """Return the parameters of services, actions and state, as nested mappings."""
     group = {it.name for node in spec.nodes for it in node.offered}
     services = {identifier(it.name): _service(node, it) for node in spec.nodes for it in node.services}
     actions = {identifier(it.name): _action(node, it) for node in spec.nodes for it in node.actions}
-    # What the group itself offers, its own clients call under the private name: no relay is between.
+    # The group's own clients call what it offers under the private name, without a relay.
     used_services = {
         identifier(it.name): {"name": it.name, "type": it.type, "timeout_ms": float(it.timeout_ms), **_client(node)}
         for node in spec.nodes

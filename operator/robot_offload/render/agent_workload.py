@@ -1,4 +1,4 @@
-"""The cloud agent: its Deployment with the reporter beside it, their rights, their configuration."""
+"""The cloud agent: its Deployment with the reporter beside it, their rights and configuration."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ SETTINGS_KEY: Final = "settings.yaml"
 STATE_FILE: Final = f"{RUNTIME_DIR}/state.json"
 HANDOVER_FILE: Final = f"{RUNTIME_DIR}/handover"
 SETTINGS_FILE: Final = f"{RUNTIME_DIR}/{SETTINGS_KEY}"
-"""Written by the reporter, which watches the ConfigMap: a kubelet may take more than a minute to bring a change."""
+"""Written by the reporter, which watches the ConfigMap: a kubelet may take over a minute to bring a change."""
 ANSWER_KEY: Final = "certificate.json"
 ANSWER_FILE: Final = f"{RUNTIME_DIR}/{ANSWER_KEY}"
 """Written by the reporter from the same ConfigMap: the answer to the robot's request for a certificate."""
 LEASE_DURATION_S: Final = 30
-"""Three times the reporter's period: one lost write is no lost robot."""
-_TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S105 - a folder, no secret
+"""Three times the reporter's period: one lost write does not mean a lost robot."""
+_TOKEN_DIR: Final = "/var/run/secrets/kubernetes.io/serviceaccount"  # noqa: S105 - a folder, not a secret
 _TOKEN_LIFE_S: Final = 3607
 
 
 def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
-    """Return everything of the cloud agent but its Deployment, in the order in which it is applied."""
+    """Return all objects of the cloud agent except its Deployment, in the order in which they are applied."""
     offered = runtime_parameters(parent.offload, parent.facts.generation)
     settings = {SETTINGS_KEY: parameter_file(offered, parent.facts.author)}
     if parent.facts.certificate_answer:
@@ -55,7 +55,7 @@ def agent_objects(parent: Parent) -> tuple[Manifest, ...]:
 
 
 def agent_deployment(parent: Parent) -> Manifest:
-    """Return the Deployment. It never goes to zero: somebody must hear the robot return."""
+    """Return the Deployment. It is never scaled to zero: it must hear the robot return."""
     name = _part(parent).name
     volumes = [
         pod.config_map_volume("configuration", name, [CONFIG_KEY]),
@@ -81,10 +81,10 @@ def agent_deployment(parent: Parent) -> Manifest:
 
 
 def site(parent: Parent) -> AgentSite:
-    """Return where the cloud's agent runs."""
+    """Return the cloud agent's site."""
     return AgentSite(
         side="cloud",
-        host="0.0.0.0",  # noqa: S104 - the pod's only interface; the network policy says who may come
+        host="0.0.0.0",  # noqa: S104 - the pod's only interface; the network policy restricts access
         ca=f"{pod.CERTIFICATES_DIR}/ca.crt",
         certificate=f"{pod.CERTIFICATES_DIR}/tls.crt",
         private_key=f"{pod.CERTIFICATES_DIR}/tls.key",
@@ -136,12 +136,12 @@ def _agent(parent: Parent) -> Manifest:
             **pod.ros_environment(parent.offload),
             **chosen.node_environment(parent),
             **dds_profile.environment(parent.offload),
-            # It must see the whole graph, not only what it talks to itself.
+            # It must see the whole graph, not only its own peers.
             **({"ROS_SUPER_CLIENT": "TRUE"} if transport.discovery_servers(parent.spec) else {}),
             handover.URL_VARIABLE: handover.url("127.0.0.1", parent.uid),
         },
         mounts=mounts,
-        # No limit of the CPU: being throttled takes longer than the loss timeout.
+        # No CPU limit: throttling takes longer than the loss timeout.
         resources={"requests": {"cpu": "200m", "memory": "160Mi"}, "limits": {"memory": "768Mi"}},
         extra=extra,
     )
@@ -184,14 +184,14 @@ def _reporter(parent: Parent) -> Manifest:
             "ports": [{"name": "http", "containerPort": handover.PORT, "protocol": "TCP"}],
             "readinessProbe": probe("/readyz", 2, 3),
             "livenessProbe": probe("/healthz", 10, 3),
-            # It must live on until the handover is done that the agent's container waits for.
+            # It must outlive the handover for which the agent's container waits.
             "lifecycle": handover.pre_stop(),
         },
     )
 
 
 def _rights(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the reporter's rights: to read and change one Lease, to read one ConfigMap, and nothing else."""
+    """Return the reporter's rights: read and change one Lease, read one ConfigMap, and nothing else."""
     part = _part(parent)
     rules = [
         _rule(LEASE, child_name(parent.name, names.ROBOT), "get", "patch"),
@@ -214,7 +214,7 @@ def _rule(kind: Kind, name: str, *verbs: str) -> Manifest:
 
 
 def _lease(parent: Parent) -> Manifest:
-    """Return the robot's Lease. Who holds it and since when is the reporter's to say, so nothing of that is here."""
+    """Return the robot's Lease, without holder and times, which the reporter sets."""
     name = child_name(parent.name, names.ROBOT)
     body = {"spec": {"leaseDurationSeconds": LEASE_DURATION_S}}
     return parent.child(LEASE, Part(name, "agent"), body)
@@ -227,7 +227,7 @@ def _service(parent: Parent) -> Manifest:
 
 
 def _token_volume() -> Manifest:
-    """Return what Kubernetes would mount into every container, here for the reporter alone."""
+    """Return the volume that Kubernetes would mount into every container, here for the reporter alone."""
     sources = [
         {"serviceAccountToken": {"path": "token", "expirationSeconds": _TOKEN_LIFE_S}},
         {"configMap": {"name": "kube-root-ca.crt", "items": [{"key": "ca.crt", "path": "ca.crt"}]}},

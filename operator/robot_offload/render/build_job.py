@@ -1,6 +1,6 @@
-"""The Job that builds the image of a node: fetch the source, build, push; each with no more rights than it needs.
+"""The Job that builds a node's image: fetch the source, build, push; each with only the rights that it needs.
 
-decisions/0007 says why it is buildah, and why the build's container cannot keep to the restricted level.
+decisions/0007 explains why it is buildah, and why the build's container cannot keep to the restricted level.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ FETCH: Final = "fetch"
 BUILD: Final = "build"
 PUSH: Final = "push"
 DEADLINE_S: Final = 7200
-"""Seconds that one build may take."""
+"""Maximum seconds of one build."""
 KEPT_S: Final = 3600
-"""Seconds that a Job stays when it has ended: for reading its log, and, when it failed, until it is tried again."""
+"""Seconds for which an ended Job is kept: for reading its log, and, if it failed, until the next try."""
 BUILDER_USER: Final = 1000
 """The user of the builder's image that may use further user ids."""
 _FETCH_USER: Final = 65534
-"""nobody: a user that every base image knows by name, as ssh wants it."""
+"""nobody: a user whose name every base image knows, as ssh requires."""
 _WEB_PORTS: Final = (80, 443)
 _SSH_PORT: Final = 22
 
 
 @dataclass(frozen=True, slots=True)
 class BuildPlan:
-    """One image that is to be built.
+    """One image to build.
 
     Attributes:
-        nodes: whose image it is.
+        nodes: that use the image.
         build: its `build` block.
-        registry: where it goes.
-        key: short name for everything that it is made from, but for the commit.
+        registry: its target.
+        key: short name for everything from which it is made, except the commit.
         name: of the Job, and of the ConfigMap beside it.
         dockerfile: for the folder with the source.
-        placed: labels of the cluster's nodes that it must be built on: an image is for one architecture.
+        placed: labels of the cluster's nodes on which it must be built: an image is for one architecture.
     """
 
     nodes: tuple[str, ...]
@@ -58,12 +58,12 @@ class BuildPlan:
 
     @property
     def repository(self) -> str:
-        """Where the image is pushed to, without tag."""
+        """The target of the push, without tag."""
         return f"{self.registry.repository}/{self.build.package}"
 
 
 def build_files(parent: Parent, plan: BuildPlan) -> Manifest:
-    """Return the ConfigMap with what the build reads. It never changes: another build has another name."""
+    """Return the ConfigMap with the build's files. It never changes: another build has another name."""
     host = plan.registry.repository.partition("/")[0]
     # A JSON text is a TOML text as well.
     registries = ['unqualified-search-registries = ["docker.io"]', 'short-name-mode = "permissive"']
@@ -77,7 +77,7 @@ def build_files(parent: Parent, plan: BuildPlan) -> Manifest:
 
 
 def build_job(parent: Parent, plan: BuildPlan) -> Manifest:
-    """Return the Job. A pod that fails is final, unless it was evicted: the same source would fail again."""
+    """Return the Job. A failed pod is final, unless it was evicted: the same source would fail again."""
     spec = {
         "backoffLimit": 0,
         "activeDeadlineSeconds": DEADLINE_S,
@@ -137,7 +137,7 @@ def _volumes(plan: BuildPlan) -> list[Manifest]:
     if plan.build.git_secret is not None:
         keys = scripts.SSH_KEYS if plan.build.git.over_ssh else scripts.TOKEN_KEYS
         volume = _secret_volume("git", plan.build.git_secret.name, {key: key for key in keys})
-        # Without known_hosts the script says what is missing; the kubelet would wait for it without a word.
+        # Without known_hosts the script reports what is missing; the kubelet would silently wait for it.
         found.append({**volume, "secret": {**volume["secret"], "optional": True}})
     for name, secret in (("push-secret", plan.registry.push_secret), ("pull-secret", plan.registry.pull_secret)):
         if secret is not None:
@@ -146,13 +146,13 @@ def _volumes(plan: BuildPlan) -> list[Manifest]:
 
 
 def _secret_volume(name: str, secret: str, files: Mapping[str, str]) -> Manifest:
-    """Return some entries of a Secret: what else it holds is nobody's business here."""
+    """Mount only some entries of a Secret: its other entries are of no concern here."""
     items = [{"key": key, "path": path} for key, path in files.items()]
     return {"name": name, "secret": {"secretName": secret, "defaultMode": 0o440, "items": items}}
 
 
 def _fetch(facts: Facts, plan: BuildPlan) -> Manifest:
-    """Fetch one commit in an image of ours: what sees the source's Secret, no user chooses. Keep to `restricted`."""
+    """Fetch one commit. No user chooses this image, because it sees the source's Secret. Keep to `restricted`."""
     mounts = [pod.mount("scratch", scripts.SCRATCH, read_only=False)]
     if plan.build.git_secret is not None:
         mounts.append(pod.mount("git", scripts.GIT_SECRET_DIR))
@@ -195,8 +195,8 @@ def _buildah(
     return _container(name, facts.images.builder, script, plan, environment, mounts, _BUILDAH_SECURITY)
 
 
-# A user namespace is made by newuidmap and newgidmap, which have file capabilities: no_new_privs and an empty bounding
-# set would take them away; and the default seccomp and AppArmor profiles forbid unshare and mount to who is not root.
+# newuidmap and newgidmap make a user namespace with their file capabilities: no_new_privs and an empty bounding set
+# would remove them; and the default seccomp and AppArmor profiles forbid unshare and mount to anyone but root.
 _BUILDAH_SECURITY: Final[Mapping[str, Any]] = {
     "runAsUser": BUILDER_USER,
     "runAsGroup": BUILDER_USER,

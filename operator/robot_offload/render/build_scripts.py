@@ -1,7 +1,7 @@
-"""What the containers of a build Job run. Fixed texts: all that differs comes in variables and files.
+"""The scripts of a build Job's containers. Fixed texts: everything variable comes in variables and files.
 
-fetch has the source's credentials and runs in an image of ours; build runs what others wrote and has at most the Secret
-for pulling; push has the registry's.
+fetch has the source's credentials and runs in our own image; build runs foreign code and has at most the Secret for
+pulling; push has the registry's.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final
 SCRATCH: Final = "/scratch"
 """A folder that the three containers share: source, layers, commit, digest."""
 FILES_DIR: Final = "/etc/robot-offload/build"
-"""Where the Dockerfile and the settings of registries are."""
+"""The folder of the Dockerfile and the registries' settings."""
 GIT_SECRET_DIR: Final = "/run/secrets/git"  # noqa: S105 - a folder
 REGISTRY_SECRET_DIR: Final = "/run/secrets/registry"  # noqa: S105 - a folder
 DOCKERFILE: Final = "Dockerfile"
@@ -63,9 +63,9 @@ rm -rf .git
 echo "Fetched commit $(cat {SCRATCH}/commit)"
 """
 ARCHIVE: Final = f"{SCRATCH}/image.tar"
-"""The image on its way from build to push: nothing else of what the build has left is read there."""
-UNPACKED_DIR: Final = "/var/tmp"  # noqa: S108 - an emptyDir that the container with the credentials has for itself
-"""Where buildah unpacks an archive that it pulls, whatever TMPDIR says (tried with 1.28)."""
+"""The image on its way from build to push, which reads nothing else of the build."""
+UNPACKED_DIR: Final = "/var/tmp"  # noqa: S108 - an emptyDir of the container with the credentials alone
+"""Where buildah unpacks a pulled archive, regardless of TMPDIR (tried with 1.28)."""
 _BUILDAH: Final = f"""
 export CONTAINERS_REGISTRIES_CONF={FILES_DIR}/{REGISTRIES} BUILDAH_ISOLATION=chroot STORAGE_DRIVER=overlay
 [ ! -f {REGISTRY_SECRET_DIR}/{AUTH_FILE} ] || export REGISTRY_AUTH_FILE={REGISTRY_SECRET_DIR}/{AUTH_FILE}
@@ -92,8 +92,7 @@ else
   run push --quiet "$image" "oci-archive:{ARCHIVE}"
 fi
 """
-# A home that nobody could prepare: no settings or layers that a build step could have left count for who has the
-# credentials.
+# A fresh home: settings or layers that a build step left behind must not affect the holder of the credentials.
 PUSH: Final = f"""set -eu
 {_TRY}
 HOME="$(mktemp -d /tmp/push.XXXXXX)"

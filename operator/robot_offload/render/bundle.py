@@ -1,4 +1,4 @@
-"""The bundle: a folder with all that the robot needs. It works offline afterwards; nobody types an address into it."""
+"""The bundle: a folder with everything that the robot needs. It works offline afterwards, without typing addresses."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from robot_offload.render.launch_file import LAUNCH_FILE, launch_file
 from robot_offload.transport import dds_router, tunnel
 
 PRIVATE_KEY: Final = "certificates/robot.key"
-"""The one file that only its owner may read."""
+"""The only file that is readable by its owner alone."""
 REALTIME_PRIORITY: Final = 20
 """The highest real-time priority that the agent may ask for; it uses less."""
 
 
 class AddressPendingError(RobotOffloadError):
-    """The cluster has not said yet where the robot reaches the cloud."""
+    """The cluster does not yet have the cloud's addresses for the robot."""
 
 
 class CertificatesPendingError(RobotOffloadError):
-    """The robot's certificate is not there yet."""
+    """The robot's certificate does not exist yet."""
 
 
 @dataclass(frozen=True)
 class BundleSecrets:
-    """What the robot proves itself with, all PEM.
+    """The robot's credentials, all PEM.
 
     Attributes:
-        ca: certificates of the authority that the cloud's certificate comes from.
+        ca: certificates of the authority that signed the cloud's.
         certificate: the robot's.
         private_key: its key.
     """
@@ -47,25 +47,25 @@ class BundleSecrets:
     private_key: bytes
 
     def __repr__(self) -> str:
-        return "BundleSecrets(...)"  # a private key must not end in a log
+        return "BundleSecrets(...)"  # a private key must not be logged
 
 
 def default_folder(offload: RobotOffload) -> str:
-    """Return where the bundle lies on the robot."""
+    """Return the bundle's folder on the robot."""
     return f"/etc/robot-offload/{offload.metadata.name}"
 
 
 def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -> Mapping[str, bytes]:
-    """Return the files of the bundle by their paths in it.
+    """Return the bundle's files by their paths.
 
     Args:
         parent: the resource.
-        secrets: None where the transport needs none.
-        folder: where the bundle will lie on the robot; empty: see `default_folder`.
+        secrets: None if the transport needs none.
+        folder: the bundle's future folder on the robot; empty: see `default_folder`.
 
     Raises:
         AddressPendingError: an address of the cloud is not known yet.
-        CertificatesPendingError: the transport needs certificates and there are none yet.
+        CertificatesPendingError: the transport needs certificates, which do not exist yet.
     """
     missing = transport.missing_purposes(parent.offload, parent.facts.endpoints)
     if missing:
@@ -101,7 +101,7 @@ def bundle(parent: Parent, secrets: BundleSecrets | None, *, folder: str = "") -
 
 
 def robot_site(parent: Parent, folder: str) -> AgentSite:
-    """Return where the robot's agent runs."""
+    """Return the robot agent's site."""
     name = parent.name
     pulse = parent.facts.endpoints_for("pulse")
     certified = transport.needs_certificates(parent.spec)  # with DDSRouter the agent renews them for the tunnel
@@ -112,7 +112,7 @@ def robot_site(parent: Parent, folder: str) -> AgentSite:
         certificate=f"{folder}/certificates/robot.pem" if certified else "",
         private_key=f"{folder}/{PRIVATE_KEY}" if certified else "",
         endpoints=parent.facts.endpoints,
-        # Without a declared name the address may change; the authority serves this robot alone and is enough.
+        # Without a declared name the address may change; an authority for this robot alone is enough.
         verify_name=parent.spec.transport.expose.host is not None,
         peer_name=parent.certificate_name("cloud"),
         uid=parent.identity,
@@ -134,7 +134,7 @@ def _certificates(offload: RobotOffload, secrets: BundleSecrets | None) -> dict[
 
 
 def robot_environment(parent: Parent) -> dict[str, str]:
-    """Return environment of the agent and of the robot's own nodes."""
+    """Return the environment of the agent and of the robot's own nodes."""
     robot = parent.spec.robot
     return {
         "ROS_DOMAIN_ID": str(robot.domain_id),
@@ -144,7 +144,7 @@ def robot_environment(parent: Parent) -> dict[str, str]:
 
 
 def _agent_environment(parent: Parent) -> dict[str, str]:
-    """Return what only the agent needs; through discovery servers it must see the whole graph."""
+    """Return the variables of the agent alone; through discovery servers it must see the whole graph."""
     values = {"HOME": TMP, "ROS_LOG_DIR": TMP}
     by_servers = "ROS_DISCOVERY_SERVER" in robot_environment(parent)
     return {**values, "ROS_SUPER_CLIENT": "TRUE"} if by_servers else values
@@ -161,10 +161,10 @@ def _compose(parent: Parent, folder: str) -> str:
         **agent_container(parent, ["robot-offload-agent", "robot", "--params", f"{folder}/agent.yaml"], folder),
         "env_file": ["environment"],
         "environment": {
-            # A container has a /dev/shm of its own: by shared memory it would find the robot's nodes and hear nothing.
+            # A container has its own /dev/shm: with shared memory it would find the robot's nodes but hear nothing.
             "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
             **_agent_environment(parent),
-            # The image knows its own folders; those of the robot are not in it.
+            # The image knows its own folders; it does not contain the robot's.
             texts.SETUP_VARIABLE: "",
         },
         "volumes": [f".:{folder}:ro", f"state:{texts.state_dir(name)}"],
@@ -183,7 +183,7 @@ def _compose(parent: Parent, folder: str) -> str:
 
 
 def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict[str, Any]:
-    """Return a service that may ask for real-time priority and read the private key, which is root's alone."""
+    """Return a service that may request real-time priority and read the private key, which only root may."""
     return {
         "image": parent.agent_image,
         "user": "root",
@@ -195,7 +195,7 @@ def agent_container(parent: Parent, command: Sequence[str], folder: str) -> dict
 
 
 def container(folder: str) -> dict[str, Any]:
-    """Return what all containers have in common; on the robot's own network, because DDS is."""
+    """Return the common part of all containers, on the robot's own network because of DDS."""
     return {
         "network_mode": "host",
         "restart": "unless-stopped",

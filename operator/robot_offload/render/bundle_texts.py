@@ -1,4 +1,4 @@
-"""The texts of the bundle that people and systemd read."""
+"""The bundle's texts for people and systemd."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_offload.render.launch_file import LAUNCH_FILE
 from robot_offload.render.ros_names import action_names, command, nodes_on, private_names, remappings
 
 SETUP_VARIABLE: Final = "ROBOT_OFFLOAD_SETUP"
-"""In the file `environment`: the script that makes ROS 2 and the robot's own message types known."""
+"""In the file `environment`: the script that sets up ROS 2 and the robot's own message types."""
 
 INSTALL: Final = """\
 ## Install the agent
@@ -45,10 +45,10 @@ In the container it comes with `--build-arg EXTRAS="mcap lz4 zstandard"`. Withou
 nothing; the log and `robot-offload-agent doctor` say so."""
 
 WATCHDOG_S: Final = 15
-"""A supervisor without a sign of life for so long is started anew with all its processes; it gives one every 5 s."""
+"""A supervisor silent for this long is restarted with all its processes; it gives a sign of life every 5 s."""
 
 ROUTER_PRIORITY: Final = 5
-"""As the tunnel beside it asks for."""
+"""As the tunnel beside it requests."""
 
 _MEANINGS: Final = {
     "agent.yaml": "the agent's configuration, a ROS 2 parameter file",
@@ -68,28 +68,28 @@ _MEANINGS: Final = {
 
 
 def instance(name: str, side: Side) -> str:
-    """Return by what name the folders of one side's agent are known."""
+    """Return the name for the folders of one side's agent."""
     return name if side == "robot" else f"{name}-cloud"
 
 
 def state_dir(name: str) -> str:
-    """Return what outlives a reboot of the robot."""
+    """Return the folder for what survives a reboot of the robot."""
     return f"/var/lib/robot-offload/{name}"
 
 
 def runtime_dir(name: str) -> str:
-    """Return sockets and pid files on the robot."""
+    """Return the folder for sockets and pid files on the robot."""
     return f"/run/robot-offload/{name}"
 
 
 def setup_file(offload: RobotOffload) -> str:
-    """Return the script, on the robot, that makes ROS 2 and the robot's own message packages known in a shell."""
+    """Return the script, on the robot, that sets up ROS 2 and the robot's own message packages in a shell."""
     own = offload.spec.robot.interfaces
     return distro_setup_file(offload) if own is None else own.setup
 
 
 def distro_setup_file(offload: RobotOffload) -> str:
-    """Return the script that makes the distribution alone known in a shell."""
+    """Return the script that sets up the distribution alone in a shell."""
     return f"/opt/ros/{offload.spec.robot.ros_distro}/setup.bash"
 
 
@@ -101,18 +101,18 @@ def agent_unit(
     key: str,
     side: Side = "robot",
 ) -> str:
-    """Return a unit for systemd that runs the agent.
+    """Return a systemd unit that runs the agent.
 
     Args:
         offload: the resource.
-        folder: where the bundle lies on the robot.
-        realtime_priority: the highest that the agent may ask for.
-        environment: beside what is in the file `environment`.
+        folder: the bundle's folder on the robot.
+        realtime_priority: the highest that the agent may request.
+        environment: beside the file `environment`.
         key: the bundle's file with the private key; empty: this transport has none.
-        side: whose agent it is; both may run on one computer.
+        side: of the agent; both may run on one computer.
     """
     name = instance(offload.metadata.name, side)
-    # `$$` is systemd's way to leave a `$` to the shell.
+    # `$$` leaves a `$` to the shell, in systemd's syntax.
     start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-agent {side} --params {shlex.quote(folder)}/agent.yaml'
     return _unit(
         f"Robot Offload agent of {name}",
@@ -130,13 +130,13 @@ def agent_unit(
 
 
 def router_unit(offload: RobotOffload, folder: str) -> str:
-    """Return a unit for systemd that runs the DDS Router."""
+    """Return a systemd unit that runs the DDS Router."""
     return _unit(
         f"DDS Router of {offload.metadata.name}",
         [
             "Type=exec",
             f"ExecStart=/usr/bin/env ddsrouter -c {folder}/ddsrouter.yaml",
-            # Heartbeats pass through the router, which asks for no priority itself.
+            # Heartbeats pass through the router, which does not request a priority itself.
             "CPUSchedulingPolicy=fifo",
             f"CPUSchedulingPriority={ROUTER_PRIORITY}",
             "CapabilityBoundingSet=",
@@ -145,7 +145,7 @@ def router_unit(offload: RobotOffload, folder: str) -> str:
 
 
 def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int, key: str) -> str:
-    """Return a unit for systemd that runs the robot's end of the tunnel; see `agent_unit`."""
+    """Return a systemd unit that runs the robot's end of the tunnel; see `agent_unit`."""
     start = f'source "$${SETUP_VARIABLE}" && exec robot-offload-tunnel --params {shlex.quote(folder)}/tunnel.yaml'
     return _unit(
         f"Robot Offload tunnel of {offload.metadata.name}",
@@ -160,16 +160,16 @@ def tunnel_unit(offload: RobotOffload, folder: str, realtime_priority: int, key:
 
 
 USER: Final = "robot-offload"
-"""Of agent and tunnel: systemd makes it while one of them runs, unless the robot has such a user. It is one for both,
-because the tunnel reads the certificates that the agent renews."""
+"""Of agent and tunnel: systemd creates it while one of them runs, unless it exists on the robot. Both share it, because
+the tunnel reads the certificates that the agent renews."""
 
 
 def _unprivileged(folder: str, key: str, realtime_priority: int) -> list[str]:
-    """Return what lets our own programs run without root: a user, real-time priority, and the key to read."""
+    """Return the settings for our own programs without root: a user, real-time priority, and the readable key."""
     name = key.rpartition("/")[2]
     handed_over = [
         f"LoadCredential={name}:{folder}/{key}",
-        # The key stays root's. The configuration names it by its own path, in containers as well. Where it cannot be
+        # The key stays root's. The configuration names it by its own path, in containers as well. If it cannot be
         # handed over (`-`), the robot drives on its own instead of not at all.
         f"BindReadOnlyPaths=-/run/credentials/%n/{name}:{folder}/{key}",
     ]
@@ -194,7 +194,7 @@ _CLOSED = (
     "ProtectKernelTunables", "ProtectKernelModules", "ProtectKernelLogs", "ProtectControlGroups", "ProtectHostname",
     "RestrictSUIDSGID", "RestrictNamespaces", "LockPersonality",
 )  # fmt: skip
-"""What no program of ours needs of the kernel."""
+"""Kernel features that none of our programs needs."""
 
 
 def _unit(description: str, service: Sequence[str]) -> str:
@@ -203,7 +203,7 @@ def _unit(description: str, service: Sequence[str]) -> str:
         f"Description={description}",
         # Not after network-online: the robot starts without a network as well.
         "After=network.target",
-        # Else systemd gives up for ever after five quick failures: a disk mounted late, a clock set late.
+        # Otherwise systemd gives up for ever after five quick failures: a disk mounted late, a clock set late.
         "StartLimitIntervalSec=0",
         "",
         "[Service]",
@@ -223,7 +223,7 @@ def _unit(description: str, service: Sequence[str]) -> str:
 
 
 def readme(offload: RobotOffload, folder: str, files: Sequence[str]) -> str:
-    """Return what to do with the bundle, and how to do without it."""
+    """Return the instructions for using the bundle, and for doing without it."""
     parts = [
         f"# Robot Offload: the bundle of {offload.metadata.name}",
         "Everything that the robot needs. It works without the cluster and without a network.",
@@ -320,7 +320,7 @@ def _whole_command(offload: RobotOffload, node: Node) -> list[str]:
 
 
 def fenced(text: str) -> str:
-    """Return a block of code in Markdown that its own text cannot leave: the fence is longer than any in it."""
+    """Return a Markdown code block that its text cannot leave: the fence is longer than any in it."""
     fence = "`" * max(3, 1 + max(map(len, re.findall("`+", text)), default=0))
     return f"{fence}sh\n{text}\n{fence}"
 

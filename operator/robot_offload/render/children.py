@@ -1,4 +1,4 @@
-"""RobotOffload + facts -> all objects in the cluster but the Secrets, in the order in which they are applied."""
+"""RobotOffload + facts -> all objects in the cluster except the Secrets, in the order in which they are applied."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from robot_offload.render.node_workloads import node_deployments, parameter_copi
 
 
 def children(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the children. Rules and addresses come before what uses them; pods come last.
+    """Return the children. Rules and addresses come before their users; pods come last.
 
-    The DDS Router's configuration and pod are missing until `facts.endpoints` says where it is reached, and everything
-    that finds others through discovery servers until `facts.discovery_hosts` says where those are.
+    The DDS Router's configuration and pod are missing until `facts.endpoints` has its address, and everything that uses
+    discovery servers until `facts.discovery_hosts` has theirs.
 
     Args:
         parent: a specification with findings of severity error is never rendered.

@@ -1,4 +1,4 @@
-"""A transport's profile of Fast DDS: settings that no environment variable has, as a file in every pod with ROS."""
+"""A transport's Fast DDS profile: settings without an environment variable, as a file in every pod with ROS."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from robot_offload.objects.parent import Parent, Part
 DIRECTORY: Final = "/etc/robot-offload/dds"
 KEY: Final = "fastdds.xml"
 _VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-"""Fast DDS 2 knows the first name only, Fast DDS 3 the second one."""
+"""Fast DDS 2 knows only the first name, Fast DDS 3 the second one."""
 
 
 def config_maps(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the ConfigMap with the profile; none where the transport has no profile."""
+    """Return the ConfigMap with the profile; none if the transport has no profile."""
     text = _text(parent.offload)
     return (parent.config_map(Part(_name(parent.offload), "settings"), {KEY: text}),) if text else ()
 
@@ -29,12 +29,12 @@ def volumes(offload: RobotOffload) -> list[Manifest]:
 
 
 def mounts(offload: RobotOffload) -> list[Manifest]:
-    """Return where a container with ROS sees it."""
+    """Return the profile's mount in a container with ROS."""
     return [pod.mount("dds", DIRECTORY)] if _text(offload) else []
 
 
 def environment(offload: RobotOffload) -> dict[str, str]:
-    """Return by which Fast DDS finds it."""
+    """Return the variables that name the profile for Fast DDS."""
     return dict.fromkeys(_VARIABLES, f"{DIRECTORY}/{KEY}") if _text(offload) else {}
 
 

@@ -1,4 +1,4 @@
-"""The preStop hook: before a pod of the acting side goes, the robot takes over."""
+"""The preStop hook: before a pod of the active side stops, the robot takes over."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Final
 from robot_offload.kube.port import Manifest
 
 GRACE_S: Final = 20
-"""Between the wish to stop a pod and its kill: enough for the hook and for the process to end."""
+"""Seconds between the request to stop a pod and its kill: enough for the hook and for the process to end."""
 PORT: Final = 8080
 """Of the reporter."""
 PROOF_VARIABLE: Final = "HANDOVER_PROOF"
 """Of the reporter's environment."""
 URL_VARIABLE: Final = "ROBOT_OFFLOAD_HANDOVER_URL"
 
-# The same text in every pod; what differs is in the environment, so nothing that a user wrote is ever run as code.
-# Proxies are left out: the agent is in the same cluster. A failure is told and does not hold the pod up.
+# The same text in every pod; everything variable is in the environment, so a user's text is never run as code.
+# No proxies: the agent is in the same cluster. A failure is reported and does not delay the pod.
 _SCRIPT: Final = f"""\
 import os, urllib.request
 opener = urllib.request.build_opener(urllib.request.ProxyHandler({{}}))
@@ -29,18 +29,18 @@ except OSError as error:
 
 
 def pre_stop() -> Manifest:
-    """Return the `lifecycle` of a container whose end the robot must not notice."""
+    """Return the `lifecycle` of a container whose end must not affect the robot."""
     return {"preStop": {"exec": {"command": ["python3", "-c", _SCRIPT]}}}
 
 
 def proof(uid: str) -> str:
-    """Return what whoever asks for a handover must know: a word that follows from the RobotOffload's uid.
+    """Return the proof that a handover request must carry: a word derived from the RobotOffload's uid.
 
-    No other pod knows that, so that none can hold the robot off the cloud where no network policies count.
+    No other pod knows it, so none can hold the robot off the cloud where network policies are not enforced.
     """
     return hashlib.sha256(f"handover of {uid}".encode()).hexdigest()[:32]
 
 
 def url(host: str, uid: str) -> str:
-    """Return where the reporter of the RobotOffload with this uid is asked for a handover."""
+    """Return the handover URL of the reporter of the RobotOffload with this uid."""
     return f"http://{host}:{PORT}/handover/{proof(uid)}"

@@ -1,4 +1,4 @@
-"""The launch file of the bundle: starts a launch file of the user's own under remappings by node name. Pure."""
+"""The launch file of the bundle: starts the user's own launch file with remappings by node name. Pure."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def launch_file(offload: RobotOffload, folder: str) -> str:
 
     Args:
         offload: the resource.
-        folder: where the bundle will lie on the robot.
+        folder: the bundle's future folder on the robot.
     """
     rules = "".join(f"    {rule!r},\n" for rule in node_rules(offload))
     return _TEMPLATE.format(

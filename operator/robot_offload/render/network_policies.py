@@ -1,4 +1,4 @@
-"""The network policies of a RobotOffload: default deny both ways for our pods, then what is declared."""
+"""The network policies of a RobotOffload: default deny both ways for our pods, then the declared traffic."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_offload.transport import discovery
 
 
 def network_policies(parent: Parent) -> tuple[Manifest, ...]:
-    """Return one policy per component that has pods; none where the cluster's administrator wants none of ours."""
+    """Return one policy per component that has pods; none if the cluster's administrator disabled them."""
     if not parent.facts.network.policies:
         return ()
     found = [_agent(parent), _nodes(parent)]
@@ -33,7 +33,7 @@ def _agent(parent: Parent) -> Manifest:
     handing_over = rules.coming_from(selector(parent.offload, "node"), rules.port("TCP", handover.PORT))
     ports = [rules.port(one.protocol, one.number) for one in transport.agent_ports(parent.offload)]
     reading = rules.reporting(parent.facts.network, rules.port("TCP", handover.PORT))
-    # The robot comes through NAT from anywhere; that it is the robot is proven by its certificate.
+    # The robot comes through NAT from anywhere; its certificate proves its identity.
     robot = [rules.anybody(*ports)] if ports else []
     return rules.policy(
         parent,
@@ -61,7 +61,7 @@ def _nodes(parent: Parent) -> Manifest:
 
 def _discovery(parent: Parent) -> Manifest:
     robot = transport.of(parent.spec).traits.robot_speaks_dds
-    # A server answers to the ports that a participant has announced, not to where its question came from.
+    # A server answers to a participant's announced ports, not to the port from which it asked.
     incoming, outgoing = rules.dds_both_ways(parent.offload, robot=robot)
     port = rules.port(discovery.PORT.protocol, discovery.PORT.number)
     asking = rules.anybody(port) if robot else rules.coming_from(instance_labels(parent.offload), port)
@@ -74,7 +74,7 @@ def _discovery(parent: Parent) -> Manifest:
 
 
 def _builds(parent: Parent) -> Manifest:
-    # Sources, packages and base images come from hosts that no label tells; the ports are known.
+    # Sources, packages and base images come from hosts without labels; the ports are known.
     ports = [rules.port("TCP", number) for number in build_ports(parent.spec)]
     return rules.policy(
         parent,

@@ -1,4 +1,4 @@
-"""The replicas of the application's nodes in the cloud: one Deployment per node, of one pod or of a pool."""
+"""The replicas of the application's nodes in the cloud: one Deployment per node, with one pod or a pool."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from robot_offload.render.ros_names import command
 PARAMETERS_DIR: Final = "/etc/robot-offload/parameters"
 CONTAINER: Final = "node"
 MISSING_IMAGE: Final = "image-not-given"
-"""Stands where a node has no image; the specification is refused before it comes to a cluster, see the checks."""
+"""Placeholder for a missing image; the checks refuse such a specification before it comes to a cluster."""
 
 
 def node_deployments(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the Deployments of all nodes with a replica in the cloud, in bring-up order; none without an image."""
+    """Return the Deployments of all nodes with a cloud replica, in bring-up order; nodes without an image have none."""
     images = ((node, _image(parent.facts, node)) for node in parent.spec.cloud_nodes)
     files = renamed_files(parent.spec, parent.facts.user_configs)
     return tuple(_deployment(parent, node, image, files) for node, image in images if image is not None)
@@ -36,7 +36,7 @@ def _image(facts: Facts, node: Node) -> str | None:
 
 
 def replicas(spec: RobotOffloadSpec, node: Node, facts: Facts) -> int:
-    """Return how many pods a node has: none without a robot, and none of a Cold node that the robot cannot use now."""
+    """Return a node's number of pods: none without a robot, and none of a Cold node that the robot cannot use now."""
     if not facts.nodes_wanted or spec.replicas == 0:
         return 0
     if node.duplicated and node.standby.cloud == "Cold":
@@ -99,7 +99,7 @@ def _environment(parent: Parent, node: Node) -> dict[str, str | Manifest]:
         own[handover.URL_VARIABLE] = handover.url(child_name(parent.name, AGENT), parent.uid)
     if node.most_pods:
         own |= pool.environment(node, child_name(parent.name, AGENT), parent.uid)
-    # What decides where the node belongs is ours; everything else, such as HOME, a user may set.
+    # We decide where the node belongs; a user may set everything else, such as HOME.
     fixed = {name: value for name, value in own.items() if name not in ("HOME", "ROS_LOG_DIR")}
     return {**own, **{one.name: _value(one) for one in node.env}, **fixed}
 
@@ -111,14 +111,14 @@ def _value(variable: EnvironmentVariable) -> str | Manifest:
         return pod.literal(variable.value)
     if source.secret_key_ref is not None:
         return {"secretKeyRef": {"name": source.secret_key_ref.name, "key": source.secret_key_ref.key}}
-    assert source.config_map_key_ref is not None  # a rule sees to that
+    assert source.config_map_key_ref is not None  # ensured by a rule
     return {"configMapKeyRef": {"name": source.config_map_key_ref.name, "key": source.config_map_key_ref.key}}
 
 
 def _parameter_file(
     parent: Parent, node: Node, files: Mapping[str, RenamedFile]
 ) -> tuple[list[Manifest], list[Manifest], str | None]:
-    """Return volumes, mounts and the path of the parameter file that a user keeps in a ConfigMap."""
+    """Return volumes, mounts and path of a user's parameter file in a ConfigMap."""
     if node.run is None or node.run.parameters_from is None:
         return [], [], None
     reference = node.run.parameters_from.config_map_key_ref
@@ -142,7 +142,7 @@ def _shared(parent: Parent) -> Part:
 
 
 def _read_at_start(node: Node, facts: Facts) -> str:
-    """Return the content of the node's parameter file, as a hash; everything else that it reads is in the template."""
+    """Return the hash of the node's parameter file; everything else that it reads is in the template."""
     if node.run is None or node.run.parameters_from is None:
         return ""
     reference = node.run.parameters_from.config_map_key_ref

@@ -1,4 +1,4 @@
-"""Both sides without Kubernetes: a folder for the robot and one for a workstation that plays the cloud. Pure."""
+"""Both sides without Kubernetes: a folder for the robot and one for a workstation in the cloud's role. Pure."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ _PURPOSES: Final[tuple[Purpose, ...]] = ("pulse", "data", "pulse-fallback", "dat
 
 @dataclass(frozen=True, slots=True)
 class Pairing:
-    """What is decided for one pair.
+    """The settings of one pair.
 
     Attributes:
-        uid: its identity: agents of another pair are not heard.
+        uid: of the pair: agents of another pair are ignored.
         host: DNS name or IP address by which the robot reaches the workstation.
-        images: our own programs.
+        images: of our own programs.
         now: the present, with its time zone.
-        days: how long the certificates are valid.
-        robot_folder: where the robot's folder will lie; empty: as a bundle.
-        workstation_folder: where the workstation's folder will lie; empty: beside it.
+        days: validity of the certificates.
+        robot_folder: the future place of the robot's folder; empty: that of a bundle.
+        workstation_folder: the future place of the workstation's folder; empty: beside the other.
     """
 
     uid: str
@@ -61,14 +61,14 @@ class Pairing:
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """The files of both folders by their paths in them."""
+    """The files of both folders by path."""
 
     robot: Mapping[str, bytes]
     workstation: Mapping[str, bytes]
 
 
 def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
-    """Return both folders. They have new keys; whoever pairs again copies both anew.
+    """Return both folders. They have new keys: after pairing again, copy both anew.
 
     Raises:
         InputError: the transport is not Zenoh, or the host is an IPv6 address.
@@ -103,10 +103,10 @@ def pair(offload: RobotOffload, pairing: Pairing) -> Pair:
 
 
 def standalone(offload: RobotOffload) -> RobotOffload:
-    """Return the resource as it holds without a cluster.
+    """Return the resource as it applies without a cluster.
 
-    In one network both sides find each other by multicast, unless their ROS domains differ; and nobody but `pair`
-    signs certificates.
+    In one network both sides find each other by multicast, unless their ROS domains differ; and only `pair` signs
+    certificates.
     """
     spec = offload.spec
     domain = spec.cloud_domain_id
@@ -140,7 +140,7 @@ def _workstation(parent: Parent, folder: str) -> dict[str, bytes]:
     name = texts.instance(parent.name, "cloud")
     site = AgentSite(
         side="cloud",
-        host="0.0.0.0",  # noqa: S104 - whoever has no certificate of this pair is refused
+        host="0.0.0.0",  # noqa: S104 - clients without a certificate of this pair are refused
         ca=f"{folder}/certificates/ca.pem",
         certificate=f"{folder}/certificates/cloud.pem",
         private_key=f"{folder}/{WORKSTATION_KEY}",

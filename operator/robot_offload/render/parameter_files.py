@@ -1,11 +1,11 @@
 """Users' ROS 2 parameter files for replicas: the replica of `controller_server` is called `remote_controller_server`.
 
-ROS 2 gives a node the parameters that stand under its own name, so without a new key a replica would silently run with
-its defaults. Only the keys are changed, in the text as it is: reading and writing YAML anew could turn a number into a
-text or a double into an integer.
+ROS 2 gives a node the parameters under its own name, so without a new key a replica would silently run with its
+defaults. Only the keys are changed, in the original text: parsing and writing YAML could turn a number into a text or a
+double into an integer.
 
-The files come from users, so what they may cost is bounded: their size, how deep they nest (libyaml needs quadratic
-time for nested brackets), and how often they are read: once for all nodes, and not again while text and names stay.
+The files come from users, so their cost is bounded: their size, their nesting (libyaml needs quadratic time for nested
+brackets), and how often they are read: once for all nodes, and not again while text and names stay.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from robot_offload.errors import InputError
 from robot_offload.render.ros_names import replica_name
 
 MAX_FILE: Final = 262_144
-"""Bytes of one parameter file. The files of Nav2's own bring-up have some 20 KiB."""
+"""Maximum bytes of a parameter file. Those of Nav2's own bring-up have some 20 KiB."""
 MAX_FILES: Final = 786_432
-"""Bytes of all renamed files of one RobotOffload: they share one ConfigMap, which takes 1 MiB."""
+"""Maximum bytes of all renamed files of one RobotOffload: they share one ConfigMap, which takes 1 MiB."""
 MAX_DEPTH: Final = 64
-"""Levels of nesting; ROS 2's own reader of parameter files takes fewer."""
+"""Levels of nesting; ROS 2's own reader of parameter files accepts fewer."""
 _PARAMETERS: Final = "ros__parameters"
 _KEPT: Final = 64
-"""Renamed files that are kept in memory, of all RobotOffloads."""
+"""Renamed files kept in memory, for all RobotOffloads."""
 
 
 class TooLargeError(InputError):
-    """Parameter files are larger than what an operator that serves many robots reads."""
+    """Parameter files are too large for an operator that serves many robots."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenamedFile:
-    """A user's parameter file, with the names of the replicas that read it.
+    """A user's parameter file, with the names of its replicas.
 
     Attributes:
-        entry: where it comes from, `name/key` of a ConfigMap.
-        key: under which it stands in the shared ConfigMap.
-        text: what is in it.
+        entry: its source, `name/key` of a ConfigMap.
+        key: its key in the shared ConfigMap.
+        text: its content.
     """
 
     entry: str
@@ -52,11 +52,11 @@ class RenamedFile:
 
 
 def renamed_files(spec: RobotOffloadSpec, configs: Mapping[str, str]) -> dict[str, RenamedFile]:
-    """Return the files in which replicas find their own names, by where they come from.
+    """Return the files in which replicas find their own names, by source.
 
     Args:
-        spec: says which nodes read which files.
-        configs: the users' files by `name/key`; one that is missing is left out.
+        spec: the nodes and their files.
+        configs: the users' files by `name/key`; missing ones are left out.
 
     Raises:
         TooLargeError: one of them, or all together, are too large.
@@ -95,7 +95,7 @@ def renamed(text: str, names: tuple[tuple[str, str], ...]) -> str:
     """Return a parameter file for replicas.
 
     Args:
-        text: the user's file; one that is no YAML comes back as it is, ROS 2 says what is wrong with it.
+        text: the user's file; invalid YAML is returned unchanged, ROS 2 then reports the error.
         names: of nodes, without their namespaces, and of their replicas.
     """
     replicas = dict(names)
@@ -112,7 +112,7 @@ def renamed(text: str, names: tuple[tuple[str, str], ...]) -> str:
 
 
 def _place(key: yaml.ScalarEvent) -> tuple[int, int, str]:
-    """Return where a key begins and ends in the text, and what it says."""
+    """Return where a key begins and ends in the text, and its value."""
     assert key.start_mark is not None
     assert key.end_mark is not None
     return key.start_mark.index, key.end_mark.index, str(key.value)
@@ -120,15 +120,15 @@ def _place(key: yaml.ScalarEvent) -> tuple[int, int, str]:
 
 @dataclass(slots=True)
 class _Level:
-    """A mapping or a list that is being read.
+    """An open mapping or list.
 
     Attributes:
         mapping: whether it is a mapping.
         anchor: its own name for aliases; None: it has none.
-        key: the key whose value comes next; None: a key comes next, or the key is no scalar.
-        expects_key: whether a key comes next.
-        holds: whether parameters stand right in it.
-        found: keys inside that are to be renamed.
+        key: the key whose value is next; None: a key is next, or the key is not a scalar.
+        expects_key: whether a key is next.
+        holds: whether it directly contains parameters.
+        found: inner keys to be renamed.
     """
 
     mapping: bool
@@ -140,9 +140,9 @@ class _Level:
 
 
 def _keys(events: Iterable[yaml.Event], names: Mapping[str, str]) -> list[yaml.ScalarEvent]:
-    """Return the keys under which parameters of these nodes stand.
+    """Return the keys of these nodes' parameters.
 
-    Namespaces may be part of a key or keys of their own. Works on events, without recursion: users choose the depth.
+    Namespaces may be part of a key or separate keys. Works on events, without recursion: users choose the depth.
     """
     levels = [_Level(mapping=False)]
     holders: set[str] = set()
@@ -172,7 +172,7 @@ def _scalar(level: _Level, event: yaml.ScalarEvent) -> None:
 
 
 def _value(level: _Level, names: Mapping[str, str], holds: bool, found: list[yaml.ScalarEvent]) -> None:
-    """Note that a collection has ended as a value (or as a key) of `level`."""
+    """Record that a collection has ended as a value (or as a key) of `level`."""
     if level.mapping and level.expects_key:
         level.expects_key = False
         return

@@ -1,12 +1,11 @@
 """Builds the certificates of one RobotOffload: no files, no clock; only the keys are random.
 
-Each RobotOffload has two authorities of its own. The server authority signs the cloud's certificate, and
-the robot trusts it alone; the client authority signs the robot's certificate, and the cloud trusts it
-alone. So a robot's key can never pass for a cloud, and revoking a robot (a new client authority) does not
-touch what robots trust.
+Each RobotOffload has two authorities of its own. The server authority signs the cloud's certificate, and the robot
+trusts only it; the client authority signs the robot's certificate, and the cloud trusts only it. So a robot's key can
+never pass for a cloud, and revoking a robot (a new client authority) does not change what robots trust.
 
-All keys are ECDSA on P-256, in PKCS #8; every certificate begins an hour early, because robots' clocks are
-often slow.
+All keys are ECDSA on P-256, in PKCS #8; every certificate begins an hour early, because robots' clocks are often
+slow.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from robot_offload.errors import InputError
 PEM = serialization.Encoding.PEM
 DER = serialization.Encoding.DER
 BACKDATE = datetime.timedelta(hours=1)
-"""How much earlier than its making a certificate is valid."""
+"""How much earlier than its creation a certificate is valid."""
 
 _ROBOT_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?")
 _DNS_LABEL = r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
@@ -43,24 +42,24 @@ class KeyPair:
     """A certificate and its private key, both PEM.
 
     Attributes:
-        certificate: may be given to anybody.
-        private_key: PKCS #8, not encrypted: whoever holds it is the one that the certificate names.
+        certificate: may be public.
+        private_key: PKCS #8, not encrypted: its holder can act as the certificate's subject.
     """
 
     certificate: bytes
     private_key: bytes
 
     def __repr__(self) -> str:
-        return "KeyPair(...)"  # a private key must not end in a log
+        return "KeyPair(...)"  # a private key must not be logged
 
 
 @dataclass(frozen=True)
 class CertificateSet:
-    """All that one RobotOffload needs.
+    """All certificates of one RobotOffload.
 
     Attributes:
-        server_ca: signs the cloud's certificate; the robot trusts its certificate.
-        client_ca: signs the robot's certificate; the cloud trusts its certificate.
+        server_ca: signs the cloud's certificate; trusted by the robot.
+        client_ca: signs the robot's certificate; trusted by the cloud.
         cloud: the cloud agent's, for TLS servers only.
         robot: the robot agent's, for TLS clients only.
     """
@@ -78,12 +77,12 @@ def build_certificates(
 
     Args:
         robot: the robot's name, the common name of its certificate.
-        host_names: by which DNS names and IP addresses the robot dials the cloud.
+        host_names: DNS names and IP addresses at which the robot dials the cloud.
         now: the present, with its time zone.
-        days: how long all of them are valid.
+        days: validity of all of them.
 
     Raises:
-        CertificateError: a name is not usable, none is given, or `now` has no time zone.
+        CertificateError: a name is invalid, none is given, or `now` has no time zone.
     """
     server_ca = build_authority(f"{robot} server authority", now=now, days=days)
     client_ca = build_authority(f"{robot} client authority", now=now, days=days)
@@ -96,18 +95,18 @@ def build_certificates(
 
 
 def build_authority(name: str, *, now: datetime.datetime, days: int) -> KeyPair:
-    """Build an authority that signs itself and may sign leaf certificates only.
+    """Build a self-signed authority that may sign only leaf certificates.
 
     Args:
         name: common name in the subject. Informational only.
         now: the present, with its time zone.
-        days: how long it is valid.
+        days: its validity.
 
     Raises:
         CertificateError: `now` has no time zone, or `days` is less than 1.
     """
     key = ec.generate_private_key(ec.SECP256R1())
-    # The subject must tell authorities of different robots apart; X.520 limits a common name to 64
+    # The subject must distinguish authorities of different robots; X.520 limits a common name to 64
     # characters.
     subject = x509.Name(
         [
@@ -131,7 +130,7 @@ def issue_cloud(authority: KeyPair, *, host_names: Sequence[str], now: datetime.
         authority: the server authority.
         host_names: DNS names and IP addresses of the cloud; the robot checks the one it dials.
         now: the present, with its time zone.
-        days: how long it is valid, never longer than the authority.
+        days: its validity, never longer than the authority's.
 
     Raises:
         CertificateError: no host name, or one that is neither a DNS name nor an IP address.
@@ -150,10 +149,10 @@ def issue_robot(authority: KeyPair, *, robot: str, now: datetime.datetime, days:
         authority: the client authority.
         robot: the robot's name.
         now: the present, with its time zone.
-        days: how long it is valid, never longer than the authority.
+        days: its validity, never longer than the authority's.
 
     Raises:
-        CertificateError: the name is not usable.
+        CertificateError: the name is invalid.
     """
     if not _ROBOT_NAME.fullmatch(robot):
         raise CertificateError(
@@ -167,14 +166,14 @@ def issue_robot(authority: KeyPair, *, robot: str, now: datetime.datetime, days:
 def certify_robot(
     authority: KeyPair, public_key: ec.EllipticCurvePublicKey, *, robot: str, now: datetime.datetime, days: int
 ) -> bytes:
-    """Build a certificate for a key that the robot has made itself; return it as PEM.
+    """Build a certificate for a key that the robot made itself; return it as PEM.
 
     Args:
         authority: the client authority.
-        public_key: the robot's, whose possession has been proved.
+        public_key: the robot's, with proven possession.
         robot: the robot's name.
         now: the present, with its time zone.
-        days: how long it is valid, never longer than the authority.
+        days: its validity, never longer than the authority's.
     """
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, robot)])
     certificate = _sign(authority, public_key, subject, ExtendedKeyUsageOID.CLIENT_AUTH, None, now=now, days=days)

@@ -1,7 +1,7 @@
-"""Nodes with several pods: the names by which each pod is called, and the end of one without a lost call.
+"""Nodes with several pods: the names of each pod, and its end without a lost call.
 
-Each pod serves under private names with its own name in them, which only the pod itself knows: a few lines of Python
-put it into the node's arguments. The same text runs in every pod, so nothing that a user wrote is ever run as code.
+Each pod serves under private names that contain its own name, which only the pod itself knows: a few lines of Python
+put it into the node's arguments. The same text runs in every pod, so a user's text is never run as code.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ POD_VARIABLE: Final = "ROBOT_OFFLOAD_POD"
 URL_VARIABLE: Final = "ROBOT_OFFLOAD_LEAVE_URL"
 WAIT_VARIABLE: Final = "ROBOT_OFFLOAD_LEAVE_S"
 MARGIN_S: Final = 5
-"""Beyond the longest call: the agent looks for pods that leave each second."""
+"""Beyond the longest call: the agent looks for leaving pods each second."""
 _MEMBER: Final = f'member = "pod_" + re.sub("[^a-z0-9]", "_", os.environ["{POD_VARIABLE}"])\n'
 _START: Final = f"""\
 import os, re, sys
@@ -39,27 +39,27 @@ except OSError as error:
 
 
 def named(words: Sequence[str]) -> tuple[str, ...]:
-    """Return a command line that puts the pod's own name into another one and becomes it."""
+    """Return a command line that puts the pod's own name into `words` and replaces itself with them."""
     return ("python3", "-c", _START, *words)
 
 
 def pre_stop() -> Manifest:
-    """Return the `lifecycle` of a container that ends when its calls are answered, and gets no new ones meanwhile."""
+    """Return the `lifecycle` of a container that gets no new calls and ends when its calls are answered."""
     return {"preStop": {"exec": {"command": ["python3", "-c", _LEAVE]}}}
 
 
 def leave_s(node: Node) -> int:
-    """Return how long a pod waits for the end of its calls: its callers wait no longer than `timeout`."""
+    """Return how long a pod waits for the end of its calls: callers wait at most `timeout`."""
     return max((service.timeout_ms for service in node.services), default=0) // 1000 + 1 + MARGIN_S
 
 
 def grace_s(node: Node) -> int:
-    """Return the seconds between the wish to stop a pod and its kill."""
+    """Return the seconds between the request to stop a pod and its kill."""
     return leave_s(node) + handover.GRACE_S
 
 
 def environment(node: Node, host: str, uid: str) -> dict[str, str | Manifest]:
-    """Return what a pod needs to know of itself, and where the reporter of its RobotOffload is."""
+    """Return the variables with the pod's own facts and its RobotOffload's reporter."""
     return {
         POD_VARIABLE: {"fieldRef": {"apiVersion": "v1", "fieldPath": "metadata.name"}},
         URL_VARIABLE: f"http://{host}:{handover.PORT}/leave/{handover.proof(uid)}",

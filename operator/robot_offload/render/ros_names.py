@@ -1,8 +1,7 @@
-"""The names that a RobotOffload gets in ROS 2, and the arguments that give a node these names.
+"""The names of a RobotOffload in ROS 2, and the arguments that give a node these names.
 
-The nodes stay as they are: everything is remapping. A replica in the cloud is called `remote_NAME`; the outputs of
-nodes that run in the cloud are published under private topics, one per side, and the collector publishes the public
-one.
+The nodes are unchanged: everything is remapping. A replica in the cloud is called `remote_NAME`; the outputs of nodes
+that run in the cloud are published under private topics, one per side, and the collector publishes the public one.
 """
 
 from __future__ import annotations
@@ -17,26 +16,26 @@ from robot_offload.api.v1alpha1.name_rules import REMOTE_PREFIX
 from robot_offload.api.v1alpha1.names import Side
 
 ACTION_PARTS: Final = ("send_goal", "cancel_goal", "get_result", "feedback", "status")
-"""The hidden services and topics of an action: rclpy and rclcpp make the same five."""
+"""The hidden services and topics of an action: rclpy and rclcpp create the same five."""
 
 
 THIS_POD: Final = "pod_this"
-"""Stands for the pod's own name in the private names of a node with several pods, until the pod starts."""
+"""Placeholder for the pod's own name in the private names of a node with several pods, until the pod starts."""
 
 
 def private_topic(side: Side, topic: str) -> str:
-    """Return where the replica of one side has what goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
+    """Return one side's private name for a name that goes through the agent: `/cmd_vel` -> `/offload/robot/cmd_vel`."""
     return f"/offload/{side}{topic}"
 
 
 def served_name(node: Node, side: Side, name: str) -> str:
-    """Return where a node has a name that goes through the agent; a service of several pods has one name in each."""
+    """Return a node's private name for one that goes through the agent; a service of several pods has one in each."""
     pooled = node.most_pods > 0 and side == "cloud" and any(it.name == name for it in node.services)
     return private_topic(side, f"/{THIS_POD}{name}" if pooled else name)
 
 
 def replica_name(node: Node, side: Side) -> str:
-    """Return the ROS name of a node on one side: the replica in the cloud of a duplicated node carries the prefix."""
+    """Return the ROS name of a node on one side: the cloud's replica of a duplicated node has the prefix."""
     return f"{REMOTE_PREFIX}{node.name}" if side == "cloud" and node.duplicated else node.name
 
 
@@ -52,26 +51,26 @@ def command(spec: RobotOffloadSpec, node: Node, side: Side, *, params_file: str 
     Args:
         spec: the whole specification.
         node: the node.
-        side: where the replica runs.
-        params_file: a ROS 2 parameter file on that side; single parameters are laid over it.
+        side: of the replica.
+        params_file: a ROS 2 parameter file on that side; single parameters override it.
 
     Raises:
-        ValueError: the node has no `run` block, so something else must start it.
+        ValueError: the node has no `run` block, so it must be started otherwise.
     """
     if node.run is None:
         raise ValueError(f"node {node.name!r} has no run block: nothing says how to start it")
     program = node.run.command or ("ros2", "run", str(node.run.package), str(node.run.executable))
     file = () if params_file is None else ("--params-file", params_file)
-    # What comes later wins, so the file comes first.
+    # Later parameters win, so the file comes first.
     return (*program, "--ros-args", *file, *run_arguments(spec, node, side))
 
 
 def shared_command(
     spec: RobotOffloadSpec, program: Sequence[str], nodes: Sequence[Node], side: Side
 ) -> tuple[str, ...]:
-    """Return the command line of a process that runs several nodes on one side, given their names as arguments.
+    """Return the command line of a process that runs several nodes on one side, with their names as arguments.
 
-    Every rule but that of the name is bound to its node, by the name that it has then (rcl `remap.c`).
+    Every rule except that of the name is bound to its node, by its name at that time (rcl `remap.c`).
     """
     arguments: list[str] = []
     for node in nodes:
@@ -83,7 +82,7 @@ def shared_command(
 
 
 def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, ...]:
-    """Return what follows `--ros-args` for a node's replica on one side.
+    """Return the arguments after `--ros-args` for a node's replica on one side.
 
     The node rule is always `OLD:__node:=NEW`: without OLD it would rename every node of the process. The namespace
     rule names the new name, because ROS 2 renames first (rcl `node.c`).
@@ -100,10 +99,10 @@ def run_arguments(spec: RobotOffloadSpec, node: Node, side: Side) -> tuple[str, 
 
 
 def remappings(spec: RobotOffloadSpec, node: Node, side: Side) -> dict[str, str]:
-    """Return name remappings of a node: the user's own, and whatever goes through the agent to its private name.
+    """Return a node's name remappings: the user's own, and to private names for all that goes through the agent.
 
-    ROS 2 applies one rule to a name, never a second one to its result; so a user's rule that leads to an output
-    leads to the private topic at once. An action is renamed by its hidden names: before Kilted a rule for the action's
+    ROS 2 applies one rule to a name, never a second one to its result; so a user's rule that leads to an output leads
+    directly to the private topic. An action is renamed by its hidden names: before Kilted a rule for the action's
     own name does nothing (rcl #1170).
     """
     own = dict(node.run.remap) if node.run else {}
@@ -144,7 +143,7 @@ def _absolute(name: str, namespace: str) -> str:
 
 
 def parameters(run: Run | None, side: Side) -> dict[str, Any]:
-    """Return the parameters of a replica by their dotted names; those of the cloud are laid over the common ones."""
+    """Return the parameters of a replica by dotted names; the cloud's override the common ones."""
     if run is None:
         return {}
     flat = dict(_flat(run.parameters))
@@ -162,7 +161,7 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def parameter_text(value: object) -> str:
-    """Return a parameter's value as ROS 2 reads it back with the same type: text always quoted, numbers never."""
+    """Return a parameter's value so that ROS 2 reads the same type: text always quoted, numbers never."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):

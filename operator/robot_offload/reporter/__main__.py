@@ -1,4 +1,4 @@
-"""`python -m robot_offload.reporter` is what the container runs."""
+"""`python -m robot_offload.reporter`: the container's command."""
 
 from robot_offload.reporter.main import main
 

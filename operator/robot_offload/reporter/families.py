@@ -1,4 +1,4 @@
-"""Every metric that the reporter serves, declared once: the page and the reference are made of this."""
+"""Every metric of the reporter, declared once: the source of the page and of the reference."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Family:
     """One metric.
 
     Attributes:
-        name: as Prometheus shows it, a counter without its `_total`.
+        name: as in Prometheus, a counter without its `_total`.
         kind: gauge, counter or histogram.
-        text: what one value means; the unit is in the name.
+        text: the meaning of one value; the unit is in the name.
         labels: their names.
-        series: how many series of it one agent has at most.
+        series: maximum of its series for one agent.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Family:
 
 
 def add(family: HistogramMetricFamily, labels: list[str], bounds: tuple[float, ...], histogram: Histogram) -> None:
-    """Add one histogram, its counts added up as Prometheus wants them."""
+    """Add one histogram, with cumulative counts as Prometheus requires."""
     total, buckets = 0, []
     for bound, count in zip((*map(str, bounds), "+Inf"), histogram.counts, strict=True):
         total += count

@@ -1,4 +1,4 @@
-"""Handing over before a pod of the acting side goes: the file that asks the agent, and the wait for its answer."""
+"""Handing over before a pod of the active side stops: the file that asks the agent, and the wait for its answer."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from typing import Final
 from robot_offload.api.agent_state import Sight
 
 WAIT_S: Final = 13.0
-"""Whoever asks gives up after 15 s, and its pod's grace period is 20 s."""
+"""The caller gives up after 15 s, and its pod's grace period is 20 s."""
 LOOK_EVERY_S: Final = 0.05
 
 
 class Outcome(Enum):
-    """How a handover ended."""
+    """The end of a handover."""
 
     DONE = "Done"
     AGENT_SILENT = "AgentSilent"
@@ -27,10 +27,10 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to whoever asked.
+    """The answer to a handover's caller.
 
     Attributes:
-        outcome: how it ended.
+        outcome: the end of the handover.
         id: the handover's id.
         message: one sentence.
     """
@@ -41,13 +41,13 @@ class Answer:
 
 
 def judge(identifier: str, sight: Sight, now_s: float, deadline_s: float) -> Answer | None:
-    """Return whether a handover has ended; None: wait on.
+    """Return the answer if a handover has ended; None: wait on.
 
     Args:
-        identifier: what was written for the agent.
+        identifier: the id written for the agent.
         sight: the agent's state as last seen.
         now_s: the steady clock.
-        deadline_s: when waiting ends, on the same clock.
+        deadline_s: end of the wait, on the same clock.
     """
     if sight.state is not None and sight.state.handover == identifier:
         return Answer(Outcome.DONE, identifier, "the robot acts; this pod may go")
@@ -62,10 +62,10 @@ class Handovers:
     """Asks the agent to hand over; requests that come while one is under way share it.
 
     Args:
-        file: what the agent watches.
+        file: watched by the agent.
         sight: the agent's state as last seen.
         now: the steady clock in seconds.
-        wait_s: how long a request waits at most.
+        wait_s: maximum wait of a request.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Handovers:
         return await asyncio.shield(self._running)
 
     async def finish(self) -> None:
-        """Wait for the handover that is under way, if any."""
+        """Wait for the present handover, if any."""
         if self._running is not None:
             await asyncio.wait([self._running])
 

@@ -1,4 +1,4 @@
-"""The one Lease that this process may write, through the project's API adapter."""
+"""The only Lease that this process may write, through the project's API adapter."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from robot_offload.kube.kinds import LEASE
 from robot_offload.kube.retry import RetryPolicy
 
 WRITE_WITHIN_S: Final = 8.0
-"""Of one write, the connection included: less than a Lease lasts, so a server that hangs is tried again."""
+"""Limit of one write, with its connection: shorter than a Lease, so that a hanging server is retried in time."""
 
 
 class Leases(Protocol):
-    """Where the state is mirrored to."""
+    """The target of the mirrored state."""
 
     async def write(self, patch: dict[str, Any]) -> None:
         """Merge `patch` into the Lease.
@@ -27,7 +27,7 @@ class Leases(Protocol):
 
 
 class ClusterLease:
-    """The Lease on the API server. Each write is tried once: the mirror knows when to try again, and with what."""
+    """The Lease on the API server. Each write is tried once: the mirror decides when to retry, and with what."""
 
     def __init__(self, namespace: str, name: str) -> None:
         self._namespace = namespace

@@ -1,4 +1,4 @@
-"""A pod of a pool leaves: the file that asks the cloud's relay, and the wait until the pod's calls are answered."""
+"""A pod of a pool leaves: the file with the request to the cloud's relay, and the wait for the pod's calls."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from robot_offload.api.agent_state import Sight
 from robot_offload.reporter.handover import LOOK_EVERY_S, Outcome
 
 MEMBER: Final = re.compile(r"pod_[a-z0-9_]{1,253}")
-"""What the pod's own name has become: see `render/pool.py`."""
+"""A pod's own name in its ROS form: see `render/pool.py`."""
 LONGEST_S: Final = 630.0
-"""A call may take ten minutes; the pod itself gives up sooner when its calls are shorter."""
+"""A call may take ten minutes; the pod itself gives up sooner if its calls are shorter."""
 FORGET_S: Final = 3600.0
-"""A request is kept for so long: the pod is gone by then, and its name is never used again."""
+"""How long a request is kept: the pod is then gone, and its name is never used again."""
 
 
 class Leaving:
-    """Asks the relay to give pods no new calls.
+    """Asks the relay to give certain pods no new calls.
 
     Args:
         folder: the agent's runtime folder; requests are in `leaving`, answers in `left`.
         sight: the agent's state as last seen.
         now: the steady clock in seconds.
-        wait_s: how long a request waits at most.
+        wait_s: maximum wait of a request.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class Leaving:
         self._asked_s: dict[str, float] = {}
 
     async def leave(self, member: str) -> Outcome:
-        """Ask for a pod, and wait until it has no open call; raise OSError when the file cannot be written.
+        """Ask for a pod, and wait until it has no open call; raise OSError if the file cannot be written.
 
-        A pod that asks again, because its first question was cut, gets the same answer.
+        A pod that asks again, because its first request was cut, gets the same answer.
         """
         self._asked.mkdir(exist_ok=True)
         self._forget(member)

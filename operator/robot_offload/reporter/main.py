@@ -1,4 +1,4 @@
-"""The reporter's process: it looks at the state file, mirrors it, serves HTTP, and stops in an orderly way."""
+"""The reporter's process: it reads the state file, mirrors it, serves HTTP, and stops in an orderly way."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from robot_offload.reporter.stream import Streams
 
 LOOK_EVERY_S: Final = 0.25
 LOOK_LIVE_S: Final = 0.1
-"""While somebody follows the stream: a change is shown within this."""
+"""How soon a change is shown while a client follows the stream."""
 log = structlog.get_logger("robot_offload.reporter")
 
 
@@ -71,9 +71,9 @@ class Reporter:
     """The running reporter.
 
     Args:
-        settings: where things are.
-        leases: where the state is mirrored to.
-        offered: keeps the agent's settings file; None: nobody asks for it.
+        settings: names and places.
+        leases: the target of the mirrored state.
+        offered: keeps the agent's settings file current; None: not needed.
     """
 
     def __init__(self, settings: ReporterSettings, leases: Leases, offered: OfferedSettings | None = None) -> None:
@@ -88,7 +88,7 @@ class Reporter:
         self._streams = Streams(lambda: self._sight, self._counts, time.monotonic)
 
     async def run(self, stop: asyncio.Event) -> None:
-        """Work until `stop` is set; then end the handover that is under way and report the last state."""
+        """Work until `stop` is set; then finish the present handover and report the last state."""
         proof = self._settings.handover_proof
         app = application(
             lambda: self._sight, self._counts, self._handovers, self._leaving, proof, self._streams, time.monotonic
@@ -152,14 +152,14 @@ class Reporter:
         self._mirror = mirror.succeeded(wanted, time.monotonic())
 
     async def _tell_the_last(self) -> None:
-        """Write once more if there is news: whoever comes next starts from the truth."""
+        """Write once more if there is news, so that the next reporter starts from the truth."""
         wanted = mirror.report(self._sight, time.monotonic())
         if wanted is not None and wanted != self._mirror.written and not self._mirror.failures:
             await self._write(wanted)
 
 
 def _read(file: Path) -> tuple[str | None, float]:
-    """Return the file's content and how many seconds ago it was written; None: there is none that can be read."""
+    """Return the file's content and how many seconds ago it was written; None: it cannot be read."""
     with suppress(OSError, UnicodeDecodeError):
         ago_s = datetime.datetime.now(datetime.UTC).timestamp() - file.stat().st_mtime
         return file.read_text(encoding="utf-8"), ago_s

@@ -1,4 +1,4 @@
-"""The agent's state as Prometheus metrics, made anew at each scrape: nothing is kept but what was counted here."""
+"""The agent's state as Prometheus metrics, built at each scrape: only this process's own counts are kept."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SITES: Final = ("robot", "cloud", "unknown")
 
 @dataclass(slots=True)
 class Counts:
-    """What this process has counted since it started."""
+    """The counts of this process since its start."""
 
     lease_writes: int = 0
     lease_failures: int = 0
@@ -32,11 +32,11 @@ class Counts:
 
 
 def exposition(sight: Sight, counts: Counts, now_s: float) -> bytes:
-    """Return the page that `/metrics` serves.
+    """Return the page of `/metrics`.
 
     Args:
         sight: the agent's state as last seen.
-        counts: what was counted here.
+        counts: of this process.
         now_s: the steady clock.
     """
     registry = CollectorRegistry(auto_describe=False)
@@ -68,7 +68,7 @@ def _metrics(sight: Sight, counts: Counts, now_s: float) -> Iterator[Metric]:
 
 
 def _live(state: AgentState) -> Iterator[Metric]:
-    """Yield what only a living agent can vouch for; a silent one leaves gaps in the graphs instead of old numbers."""
+    """Yield what only a living agent can confirm; for a silent one the graphs show gaps, not old numbers."""
     yield families.CONNECTED.one(state.connected)
     yield families.AGENT_READY.one(state.ready)
     yield families.EPOCH.one(state.epoch)
@@ -95,7 +95,7 @@ def _live(state: AgentState) -> Iterator[Metric]:
 
 
 def _sides(said: Mapping[str, SideNumbers | None]) -> Iterator[Metric]:
-    """Yield the numbers that each side says of itself, with the label `side`."""
+    """Yield each side's report about itself, with the label `side`."""
     known = {side: numbers for side, numbers in said.items() if numbers is not None}
     for family, value in _PLAIN:
         found = ((side, value(numbers)) for side, numbers in known.items())
@@ -156,7 +156,7 @@ def _by_word(table: Iterable[tuple[str, tuple[int, ...]]], words: tuple[str, ...
 
 
 def _labelled(family: Family, samples: Entries) -> Metric:
-    """Return a metric with one value for each set of labels; of two equal ones the first stands."""
+    """Return a metric with one value for each set of labels; of two equal ones the first counts."""
     found, known = family.empty(), set()
     for labels, value in samples:
         if labels not in known:

@@ -1,8 +1,8 @@
-"""What to write into the robot's Lease, and when. Pure: the state, the time and what was written come in.
+"""What to write into the robot's Lease, and when. Pure: the state, the time and the last writes come in.
 
 The Lease is renewed only while the robot is connected, so it ends by itself when the robot, the agent, this reporter or
-the whole pod is gone; the operator compares it with its own clock. Writes: every RENEW_S while the robot is connected,
-at each transition, and never faster than GAP_S (a link that flaps is reported by its newest state).
+the whole pod is gone; the operator times it with its own clock. Writes: every RENEW_S while the robot is connected, at
+each transition, and never faster than GAP_S (of a flapping link the newest state is reported).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ RENEW_S: Final = 10.0
 GAP_S: Final = 1.0
 FIRST_PAUSE_S: Final = 1.0
 LONGEST_PAUSE_S: Final = 10.0
-"""After an outage of the API server the Lease is renewed within this time."""
+"""The Lease is renewed within this time after an outage of the API server."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One wanted content of the Lease.
+    """A wanted content of the Lease.
 
     Attributes:
         text: the state as compact JSON without live numbers.
@@ -38,13 +38,13 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """What is known of the Lease.
+    """The known state of the Lease.
 
     Attributes:
-        written: the last report that the API server took; None: none by this process.
+        written: the last report that the API server accepted; None: none by this process.
         written_s: when that was, on the steady clock.
-        failures: how many writes in a row have failed.
-        retry_s: before this moment nothing is tried.
+        failures: failed writes in a row.
+        retry_s: nothing is tried before this moment.
     """
 
     written: Report | None = None
@@ -54,9 +54,9 @@ class Mirror:
 
 
 def report(sight: Sight, now_s: float) -> Report | None:
-    """Return what the Lease should say; None: nothing is known yet, so what an earlier reporter wrote stays.
+    """Return the wanted content of the Lease; None: nothing is known yet, so an earlier reporter's content stays.
 
-    A silent agent is reported once: its robot may go on by itself, but nothing here can vouch for it.
+    A silent agent is reported once: its robot may continue by itself, but nothing here can confirm it.
     """
     if sight.state is None:
         return None
@@ -86,7 +86,7 @@ def due(mirror: Mirror, wanted: Report | None, now_s: float) -> bool:
 
 
 def _news(report: Report) -> object:
-    """Return what is worth a write of its own: the head of the audit trail waits for the next renewal."""
+    """Return the part that is worth a write of its own: the head of the audit trail waits for the next renewal."""
     values = json.loads(report.text)
     values.pop("audit", None)
     return values, report.connected, report.since
@@ -96,7 +96,7 @@ def patch(wanted: Report, robot: str, now: datetime.datetime) -> dict[str, Any]:
     """Return the merge patch of the Lease.
 
     Args:
-        wanted: what it should say.
+        wanted: its content.
         robot: the robot's name.
         now: the present, with its time zone.
     """
@@ -113,7 +113,7 @@ def succeeded(wanted: Report, now_s: float) -> Mirror:
 
 
 def failed(mirror: Mirror, now_s: float) -> Mirror:
-    """Return the mirror after a write that failed: pauses grow, the next write has the state of its own moment."""
+    """Return the mirror after a failed write: pauses grow, and the next write has the state of its own moment."""
     pause_s = min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(mirror.failures, 8))
     return Mirror(mirror.written, mirror.written_s, mirror.failures + 1, now_s + pause_s)
 

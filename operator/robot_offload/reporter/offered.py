@@ -3,8 +3,8 @@
 The reporter watches their ConfigMap and writes the agent's files.
 
 A kubelet brings a changed ConfigMap into a pod's volume within its sync period (a minute by default) and its cache's.
-People pin robots for safety, so this way is the fast one: a watch on the one ConfigMap. The volume is what holds while
-the API server cannot be reached, as when the pod starts without it.
+People pin robots for safety, so this way is faster: a watch on the one ConfigMap. The volume counts while the API
+server is unreachable, as when the pod starts without it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robot_offload.kube.port import KubeApi, Manifest, Selection
 from robot_offload.reporter.settings import Offered
 
 IDLE_S: Final = 90.0
-"""A watch that is silent for this long is opened again; the API server sends a bookmark each minute."""
+"""A watch that is silent for this long is reopened; the API server sends a bookmark each minute."""
 FIRST_PAUSE_S: Final = 0.5
 LONGEST_PAUSE_S: Final = 10.0
 _GENERATION: Final = re.compile(r"^\s*generation: (\d+)\s*$", re.MULTILINE)
@@ -32,12 +32,12 @@ log = structlog.get_logger("robot_offload.reporter")
 
 
 class OfferedSettings:
-    """Keeps the agent's settings file as the ConfigMap says.
+    """Keeps the agent's settings file as in the ConfigMap.
 
     Args:
         api: reads the ConfigMap.
         namespace: of the ConfigMap.
-        offered: where the settings come from and go to.
+        offered: source and target of the settings.
     """
 
     def __init__(self, api: KubeApi, namespace: str, offered: Offered) -> None:
@@ -73,7 +73,7 @@ class OfferedSettings:
                 await asyncio.sleep(min(LONGEST_PAUSE_S, FIRST_PAUSE_S * 2.0 ** min(failures, 8)))
 
     def _take(self, config_map: Manifest | None) -> str:
-        """Write what the API server has; return its version."""
+        """Write the API server's content; return its version."""
         found = config_map or {"metadata": {"resourceVersion": ""}}
         text = (found.get("data") or {}).get(self._mounted.name)
         if isinstance(text, str):
@@ -84,7 +84,7 @@ class OfferedSettings:
         return str(found["metadata"]["resourceVersion"])
 
     def _fall_back(self) -> None:
-        """Take what the kubelet has brought, when it is newer than what is there."""
+        """Use the kubelet's content if it is newer than the present file."""
         with suppress(OSError, UnicodeDecodeError):
             text = self._mounted.read_text(encoding="utf-8")
             if _generation(text) > _generation(_read(self._file)):
@@ -98,7 +98,7 @@ class OfferedSettings:
 
 
 def _replace(file: Path, text: str) -> None:
-    """Write a file in one step: the agent never reads half of it."""
+    """Write a file atomically: the agent never reads half of it."""
     passing = file.with_name(f".{file.name}.new")
     passing.write_text(text, encoding="utf-8")
     passing.chmod(0o644)
@@ -113,6 +113,6 @@ def _read(file: Path) -> str:
 
 
 def _generation(text: str) -> int:
-    """Return the generation that a settings file is of; -1: it says none."""
+    """Return the generation of a settings file; -1: it has none."""
     found = _GENERATION.search(text)
     return int(found[1]) if found else -1

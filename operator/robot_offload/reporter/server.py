@@ -1,4 +1,4 @@
-"""What the reporter serves: probes, metrics, the state as it is, and the handover."""
+"""The reporter's pages: probes, metrics, the state as it is, and the handover."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ def application(
 
     Args:
         sight: the agent's state as last seen.
-        counts: what is counted here.
-        handovers: what asks the agent.
-        leaving: what asks the agent for a pod of a pool that is to end.
-        proof: the word that whoever asks for a handover must know.
-        streams: who follows the state.
+        counts: of this process.
+        handovers: asks the agent to hand over.
+        leaving: asks the agent about a pod of a pool that is to end.
+        proof: the word that a handover request must carry.
+        streams: the clients that follow the state.
         now: the steady clock in seconds.
     """
 
@@ -71,7 +71,7 @@ def application(
 
 
 def _asked_by_pods(counts: Counts, handovers: Handovers, leaving: Leaving, proof: str) -> list[web.RouteDef]:
-    """Return what pods ask for before they stop."""
+    """Return the routes for pods that are about to stop."""
 
     def known(request: web.Request) -> bool:
         return hmac.compare_digest(request.match_info["proof"].encode(), proof.encode())
@@ -103,7 +103,7 @@ def _asked_by_pods(counts: Counts, handovers: Handovers, leaving: Leaving, proof
 
 
 def not_ready(sight: Sight, now_s: float) -> str:
-    """Return why the cloud agent is not ready; empty when it is."""
+    """Return why the cloud agent is not ready; empty if it is."""
     if problem := silence(sight, now_s):
         return problem
     assert sight.state is not None

@@ -1,4 +1,4 @@
-"""What the environment says to the reporter."""
+"""The reporter's settings from its environment."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from robot_offload.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class Offered:
-    """Where the run-time settings come from and go to.
+    """Source and target of the run-time settings.
 
     Attributes:
         name: of the ConfigMap.
-        mounted: the ConfigMap's entry as the kubelet brings it.
-        file: what the agent watches.
+        mounted: the ConfigMap's entry as the kubelet provides it.
+        file: watched by the agent.
         answer: file for the answer to the robot's request for a certificate; its name is the entry's key.
     """
 
@@ -28,17 +28,17 @@ class Offered:
 
 @dataclass(frozen=True, slots=True)
 class ReporterSettings:
-    """Where things are.
+    """Names and places of the reporter.
 
     Attributes:
         namespace: of the Lease.
         lease: the name of the robot's Lease.
         robot: the robot's name, the holder of the Lease.
-        state_file: what the agent writes.
-        handover_file: what the agent watches.
-        handover_proof: the word that whoever asks for a handover must know.
+        state_file: written by the agent.
+        handover_file: watched by the agent.
+        handover_proof: the word that a handover request must carry.
         port: of the HTTP server.
-        offered: the run-time settings that the agent offers to its robot; None: nobody asks for them.
+        offered: the run-time settings that the agent offers to its robot; None: there are none.
     """
 
     namespace: str
@@ -55,7 +55,7 @@ def read_settings(environment: Mapping[str, str]) -> ReporterSettings:
     """Read NAMESPACE, LEASE_NAME, ROBOT_NAME, STATE_FILE, HANDOVER_* and, if given, PORT, SETTINGS_*, ANSWER_FILE.
 
     Raises:
-        InputError: one is missing or no usable value.
+        InputError: one is missing or has no usable value.
     """
     wanted = ("NAMESPACE", "LEASE_NAME", "ROBOT_NAME", "STATE_FILE", "HANDOVER_FILE", "HANDOVER_PROOF")
     missing = [name for name in wanted if not environment.get(name)]

@@ -1,7 +1,7 @@
-"""The agent's state as server-sent events: each change at once, at most as often as the state file is looked at.
+"""The agent's state as server-sent events: each change at once, at most as often as the state file is read.
 
-A client gets the newest state and never a backlog: what it was too slow for is left out, and one that takes nothing for
-WRITE_WITHIN_S is hung up on. So the memory of all clients is bounded by their number.
+A client gets the newest state and never a backlog: a slow client misses events, and one that accepts nothing for
+WRITE_WITHIN_S is disconnected. So the memory of all clients is bounded by their number.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from robot_offload.api.agent_state import Sight, silence
 from robot_offload.reporter.metrics import Counts
 
 MAX_CLIENTS: Final = 8
-"""A console a person, and browsers that were not closed; each costs up to ten events of some kilobytes a second."""
+"""One console per person, and unclosed browsers; each costs up to ten events of some kilobytes a second."""
 RENEW_S: Final = 1.0
-"""An event comes after this also when nothing has changed."""
+"""An event is sent after this time even without a change."""
 COMMENT_S: Final = 15.0
-"""Proxies hang up on what is silent for longer than a minute or so."""
+"""Proxies close connections that are silent for longer than a minute or so."""
 WRITE_WITHIN_S: Final = 5.0
 RETRY_MS: Final = 1000
-"""After this a browser connects again."""
+"""A browser reconnects after this time."""
 HEADERS: Final = {
     "Content-Type": "text/event-stream; charset=utf-8",
     "Cache-Control": "no-cache",
@@ -42,7 +42,7 @@ class Streams:
         now: the steady clock in seconds.
 
     Attributes:
-        clients: how many there are.
+        clients: their number.
     """
 
     def __init__(self, sight: Callable[[], Sight], counts: Counts, now: Callable[[], float]) -> None:
@@ -55,7 +55,7 @@ class Streams:
         self.clients = 0
 
     def wake(self) -> None:
-        """Send what the sight has become to everybody."""
+        """Send the present sight to all clients."""
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 
@@ -114,9 +114,9 @@ class Streams:
         return f'{{"at":{at:.3f},"state":{state},"robot":{robot},"problem":{json.dumps(problem or sight.problem)}}}'
 
     def _parts(self, text: str) -> tuple[str, str]:
-        """Return the state and the robot's report in it, each as compact JSON; cut once for all clients."""
+        """Return the state and the robot's report in it, each as compact JSON; split once for all clients."""
         if self._cut[0] != text:
-            values = json.loads(text, parse_constant=lambda _: None)  # browsers know no NaN
+            values = json.loads(text, parse_constant=lambda _: None)  # browsers cannot read NaN
             robot = values.pop("robot", None)
             state, report = (json.dumps(part, separators=(",", ":")) for part in (values, robot))
             self._cut = (text, state, report)

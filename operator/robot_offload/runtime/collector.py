@@ -1,10 +1,10 @@
-"""Deletes the keys of authorities whose RobotOffload is gone for long: no owner reference reaches so far.
+"""Deletes the keys of authorities whose RobotOffload has long been gone: no owner reference reaches them.
 
-They outlive it for a time, so that an object that is deleted and applied again, restored or moved finds them
+They outlive it for a time, so that an object that is deleted and applied again, restored or moved still has them
 (`decide.authorities`).
 
-A key that is deleted too early makes every bundle worthless, so the API server itself is asked first, by a list: where
-the kind is not served at all (404 as well) nothing is deleted.
+A key deleted too early invalidates every bundle, so the API server itself is asked first, by a list: if the kind is
+not served at all (404 as well), nothing is deleted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot_offload.kube.kinds import ROBOT_OFFLOAD, SECRET
 from robot_offload.kube.port import KubeApi, Manifest, Selection
 
 _SETTLE_S = 1.0
-"""Seconds for which a sweep waits for further RobotOffloads to go."""
+"""How long a sweep waits for further RobotOffloads to be deleted."""
 _log = structlog.get_logger("robot_offload.runtime.collector")
 
 
@@ -33,12 +33,12 @@ class Collector:
     """Sweeps the operator's own namespace.
 
     Args:
-        api: asks and deletes.
-        store: what the watches have brought.
+        api: lists and deletes.
+        store: the objects from the watches.
         served: namespaces whose RobotOffloads this operator serves; empty: all.
         home: the operator's own namespace.
         keep: how long keys outlive their RobotOffload.
-        clock: the wall clock counts.
+        clock: its wall clock counts.
     """
 
     def __init__(
@@ -60,11 +60,11 @@ class Collector:
         self._asked.set()  # something may have gone while no operator ran
 
     def wake(self) -> None:
-        """Ask for a sweep soon: a RobotOffload has gone."""
+        """Request a sweep soon: a RobotOffload was deleted."""
         self._asked.set()
 
     async def run(self, every_s: float) -> None:
-        """Sweep at the start, when asked, and each `every_s` seconds, until cancelled."""
+        """Sweep at the start, on request, and each `every_s` seconds, until cancelled."""
         while True:
             try:
                 async with asyncio.timeout(every_s):
@@ -81,10 +81,10 @@ class Collector:
                 _log.warning("Could not collect what is left of gone RobotOffloads", error=str(error))
 
     async def sweep(self) -> int:
-        """Delete what is left of RobotOffloads that are gone for long; return how many Secrets that was.
+        """Delete the Secrets of RobotOffloads that have long been gone; return their number.
 
         Raises:
-            KubeError: the API server refuses or is silent.
+            KubeError: the API server refuses or does not answer.
         """
         alive, now = self._store.uids(ROBOT_OFFLOAD), self._clock.wall()
         gone: list[Manifest] = []
@@ -102,7 +102,7 @@ class Collector:
         return len(expired)
 
     async def _marked(self, secret: Manifest, now: datetime.datetime) -> Manifest:
-        """Return the Secret of a gone RobotOffload with the time since when it is gone, which is kept on it."""
+        """Return the Secret of a deleted RobotOffload with the time of the deletion, which is stored on it."""
         metadata = secret["metadata"]
         annotations = metadata.get("annotations") or {}
         if authorities.ORPHANED in annotations:
@@ -120,7 +120,7 @@ class Collector:
         if served is None or applied.partition("/")[0] != uid or being_deleted(secret):
             return False  # not ours
         if self._served and served[0] not in self._served:
-            return False  # another operator's, or one that is served again some day
+            return False  # another operator's, or one that may be served again
         selection = Selection(fields=f"metadata.name={served[1]}", metadata_only=True)
         async for page, _ in self._api.pages(ROBOT_OFFLOAD, served[0], selection):
             if any(found["metadata"]["uid"] == uid for found in page):

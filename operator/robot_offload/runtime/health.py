@@ -1,7 +1,7 @@
-"""Whether the operator still sees and still leads. A process that only looks alive is worse than a dead one.
+"""Whether the operator still sees and still leads. A process that only seems alive is worse than a dead one.
 
-The watch is judged from outside: a list says which version of every RobotOffload there is, and if the watch has not
-delivered it some time later, the watch is blind, whatever its connection looks like.
+The watch is judged from outside: a list gives the version of every RobotOffload, and if the watch has not delivered it
+some time later, the watch is blind, regardless of its connection.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_offload.kube.port import Manifest
 
 @dataclass(slots=True)
 class WatchSight:
-    """What the watch has delivered, against what lists say.
+    """The watch's deliveries, compared with lists.
 
     Attributes:
         seen: the newest resourceVersion by uid that the watch has delivered.
@@ -25,7 +25,7 @@ class WatchSight:
     behind: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     def delivered(self, manifest: Manifest, *, gone: bool = False) -> None:
-        """Note that the watch has delivered an event."""
+        """Record that the watch has delivered an event."""
         uid = manifest["metadata"]["uid"]
         if gone:
             self.seen.pop(uid, None)
@@ -37,7 +37,7 @@ class WatchSight:
             del self.behind[uid]
 
     def listed(self, manifests: Iterable[Manifest], now_s: float) -> list[Manifest]:
-        """Take a list; return the objects that the watch has not delivered in this version yet."""
+        """Compare with a list; return the objects that the watch has not yet delivered in this version."""
         late: list[Manifest] = []
         present = set()
         for manifest in manifests:
@@ -47,7 +47,7 @@ class WatchSight:
                 self.behind.pop(uid, None)
                 continue
             late.append(manifest)
-            # The oldest version that is missing counts: newer ones must not make the watch look fresh.
+            # The oldest missing version counts: newer ones must not make the watch look fresh.
             self.behind.setdefault(uid, (version, now_s))
         for uid in set(self.behind) - present:
             del self.behind[uid]
@@ -56,12 +56,12 @@ class WatchSight:
         return late
 
     def blind_s(self, now_s: float) -> float:
-        """Return for how many seconds something has been missing; 0: nothing is."""
+        """Return for how many seconds something has been missing; 0: nothing."""
         return max((now_s - since_s for _, since_s in self.behind.values()), default=0.0)
 
 
 def _older(seen: str | None, version: str) -> bool:
-    """Return whether what was seen is older than a version. Versions are numbers wherever Kubernetes runs."""
+    """Return whether the seen version is older than `version`. Versions are numbers wherever Kubernetes runs."""
     if seen is None:
         return True
     try:
@@ -76,8 +76,8 @@ class Limit:
 
     Attributes:
         name: for the answer of /livez.
-        age_s: how long ago it was given.
-        limit_s: how old it may be.
+        age_s: its age.
+        limit_s: its maximum age.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """Whether it is young enough."""
+        """Whether its age is within the limit."""
         return self.age_s <= self.limit_s
 
 
@@ -95,7 +95,7 @@ Signs = Callable[[], Iterable[Limit]]
 
 
 def healthy(signs: Iterable[Limit]) -> tuple[bool, dict[str, str]]:
-    """Return whether all signs are young enough, and each in words."""
+    """Return whether all signs are recent enough, and each in words."""
     found = list(signs)
     told = {
         sign.name: f"{sign.age_s:.1f} s of at most {sign.limit_s:g} s{'' if sign.kept else ': too old'}"

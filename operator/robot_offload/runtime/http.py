@@ -25,7 +25,7 @@ async def serving(
         settings: with the ports.
         registry: of the metrics.
         signs: of life.
-        reached: whether the API server answered and knows RobotOffload; a standby that waits for leadership is ready.
+        reached: whether the API server answered and knows RobotOffload; a standby waiting for leadership is ready.
     """
 
     async def metrics(_: web.Request) -> web.Response:
@@ -61,6 +61,6 @@ async def serving(
 
 
 def _port(runner: web.AppRunner) -> int:
-    """Return the port as IPv4 has it: a free one (0) is another one for each family."""
+    """Return the IPv4 port: a free one (0) differs for each address family."""
     addresses = sorted(runner.addresses, key=len)
     return int(addresses[0][1])

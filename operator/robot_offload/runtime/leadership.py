@@ -1,8 +1,8 @@
-"""Who may write: the holder of one Lease. Two operators at once do not fight; the second waits.
+"""Who may write: the holder of one Lease. Of two operators at once the second waits.
 
-The holder renews; others count, on their own steady clock, how long the Lease has not moved. A holder that could not
-renew for a while stops writing before anybody else can start, and ends its process: a restart is the clean way back.
-The identity is the pod's name: a container that was killed and starts again in the same pod takes over from itself at
+The holder renews; others measure on their own steady clock how long the Lease has not moved. A holder that could not
+renew for a while stops writing before another operator can start, and ends its process: a restart is the clean way
+back. The identity is the pod's name: a container that was killed and restarts in the same pod takes over from itself at
 once, because its predecessor is surely dead.
 """
 
@@ -28,11 +28,11 @@ _log = structlog.get_logger("robot_offload.leadership")
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How long a Lease holds, in seconds.
+    """The times of a Lease, in seconds.
 
     Attributes:
-        duration_s: after which others may take over.
-        renew_s: how often the holder renews.
+        duration_s: time after which others may take over.
+        renew_s: period of the holder's renewals.
         give_up_s: without a renewal for this long the holder stops writing; less than `duration_s`.
     """
 
@@ -56,7 +56,7 @@ class Leadership:
         self._seen = ""
         self._moved_s = self._clock.steady_s()
         self.looked_s = self._moved_s
-        """When the loop last turned, on the steady clock: shows that it lives."""
+        """The loop's last turn, on the steady clock: shows that it lives."""
 
     @property
     def held(self) -> bool:
@@ -64,7 +64,7 @@ class Leadership:
         return self._clock.steady_s() < self._until_s
 
     def alive(self) -> float:
-        """Note that the loop lives; return the steady clock."""
+        """Record that the loop lives; return the steady clock."""
         self.looked_s = self._clock.steady_s()
         return self.looked_s
 
@@ -86,10 +86,10 @@ class Leadership:
             await asyncio.sleep(self._terms.renew_s / 2)
 
     async def hold(self) -> None:
-        """Renew for ever.
+        """Renew until an error.
 
         Raises:
-            NotLeaderError: somebody else has it, or it could not be renewed in time.
+            NotLeaderError: another operator has it, or it could not be renewed in time.
         """
         pause_s = self._terms.renew_s
         while True:
@@ -107,7 +107,7 @@ class Leadership:
                 raise NotLeaderError(f"the leader's Lease could not be renewed for {self._terms.give_up_s:g} s")
 
     async def release(self) -> None:
-        """Let the next one start at once; best effort."""
+        """Let the next leader start at once; best effort."""
         if not self.held:
             return
         self._until_s = float("-inf")
@@ -124,7 +124,7 @@ class Leadership:
             raise NotLeaderError("this operator is not the leader")
 
     async def _try(self) -> str:
-        """Try once to take or renew the Lease; return who holds it."""
+        """Try once to take or renew the Lease; return its holder."""
         began_s = self.alive()
         lease = await self._api.get(LEASE, self._namespace, LEASE_NAME)
         try:
@@ -137,7 +137,7 @@ class Leadership:
                 await self._write(lease, self._identity)
         except ConflictError:
             return "another operator"
-        # Counted from before the request: the Lease may have been written at once and the answer may have dawdled.
+        # Counted from before the request: the Lease may have been written at once and the answer delayed.
         self._until_s = began_s + self._terms.give_up_s
         return self._identity
 
@@ -182,7 +182,7 @@ class LeadersOnly:
         self.calls: Counter[str] = Counter()
 
     def __call__(self, verb: Verb) -> None:
-        """Note a request before it is sent.
+        """Count a request before it is sent.
 
         Raises:
             NotLeaderError: it writes, and this process is not the leader.

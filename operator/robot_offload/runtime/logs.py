@@ -1,4 +1,4 @@
-"""The operator's log: one JSON object (or one text) a line, our own lines and those of the libraries alike."""
+"""The operator's log: one JSON object (or one text) a line, for our own lines and the libraries'."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LAST: Final[Mapping[LogFormat, tuple[structlog.typing.Processor, ...]]] = {
 
 
 def set_up(level: str, form: LogFormat = "json") -> None:
-    """Send everything to the standard error, from `level` on."""
+    """Log to standard error, from `level` on."""
     shared: list[structlog.typing.Processor] = [
         structlog.stdlib.add_logger_name,
         structlog.stdlib.add_log_level,
@@ -50,5 +50,5 @@ def set_up(level: str, form: LogFormat = "json") -> None:
     root.setLevel(level.upper())
     for noisy in ("asyncio", "aiohttp.access", "urllib3", "kubernetes"):
         logging.getLogger(noisy).setLevel("WARNING")
-    # A line for each event of the cluster.
+    # kopf.objects logs each event of the cluster.
     logging.getLogger("kopf.objects").setLevel("DEBUG" if level.lower() == "debug" else "WARNING")

@@ -1,4 +1,4 @@
-"""What the operator tells Prometheus: its own work, and the state of all objects in sums."""
+"""The operator's Prometheus metrics: its own work, and the state of all objects in sums."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Statuses = Callable[[], Iterable[tuple[tuple[str, str], Mapping[str, Any]]]]
 
 
 class Metrics:
-    """The operator's metrics, in a registry of their own."""
+    """The operator's metrics, in a separate registry."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -64,7 +64,7 @@ class Metrics:
         late_s: Callable[[], float],
         leader: Callable[[], bool],
     ) -> None:
-        """Add what is worked out when somebody asks."""
+        """Add the metrics that are computed at each scrape."""
         self.registry.register(_State(statuses, calls, queued, late_s, leader))
 
 
@@ -84,7 +84,7 @@ class _State(Collector):
         self._leader = leader
 
     def collect(self) -> Iterable[Metric]:
-        """Yield all of them, from one look at the statuses."""
+        """Yield all of them, from one read of the statuses."""
         requests = CounterMetricFamily(
             "robot_offload_requests",
             "Requests to the API server by verb, without watches and the leader's Lease.",
@@ -122,7 +122,7 @@ class _State(Collector):
 
 
 def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
-    """Return one series for each object, to join others with and to alert by name."""
+    """Return one series for each object, for joins and for alerts by name."""
     found = InfoMetricFamily(
         "robot_offload", "What is known of each object.", labels=["namespace", "name", "site", "connected", "ready"]
     )
@@ -135,7 +135,7 @@ def _info(named: Iterable[tuple[tuple[str, str], Mapping[str, Any]]]) -> Metric:
 
 
 def _builds(statuses: Iterable[Mapping[str, Any]]) -> Metric:
-    """Return what became of the images that are built; the reasons are words of this operator."""
+    """Return the results of the image builds; the reasons are words of this operator."""
     found = GaugeMetricFamily(
         "robot_offload_builds",
         "Objects whose images are built in the cluster, by reason of ImageBuilt.",

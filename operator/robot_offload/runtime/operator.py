@@ -1,7 +1,7 @@
-"""The parts of one operator and how they hold together. kopf brings the news (`handlers`); passes are made here.
+"""The parts of one operator and how they work together. kopf brings the news (`handlers`); passes are made here.
 
-First the operator waits for its kind; then it watches, becomes the leader, and works until it is stopped or one of its
-parts ends. Nothing is repaired inside a process that has lost a part: it ends, and the kubelet starts it anew.
+The operator first waits for its kind; then it watches, becomes the leader, and works until it is stopped or a part
+ends. A process that has lost a part is not repaired: it ends, and the kubelet restarts it.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from robot_offload.runtime.settings import Settings
 from robot_offload.runtime.triggers import SETTLE_S, Triggers
 
 FEED_S: Final = 30.0
-"""Seconds after which passes begin although not everything is listed: one kind that cannot be read holds up nothing."""
+"""Seconds after which passes begin although not everything is listed: one unreadable kind holds up nothing."""
 _BLIND_LIMIT: Final = 2.5
-"""How long the watch may miss something, in times of silence after which it is opened again."""
+"""How long the watch may miss something, in multiples of the silence after which it is reopened."""
 _log = structlog.get_logger("robot_offload.runtime.operator")
 
 
@@ -50,21 +50,21 @@ class PartEndedError(RobotOffloadError):
 
 
 class Operator:
-    """One operator: what kopf's handlers find under `memo`.
+    """One operator, which kopf's handlers find under `memo`.
 
     Args:
         settings: from the environment.
         api: reads and writes for passes.
         leadership: whether this process may write.
-        guard: is called before each request.
+        guard: called before each request.
 
     Attributes:
-        settings: how it runs.
-        triggers: takes in news.
-        sight: what the watch of RobotOffloads has delivered.
+        settings: of the operator.
+        triggers: receives news.
+        sight: the watch's deliveries of RobotOffloads.
         stop: set when a part has ended: the process ends as well.
-        failure: why; None: it was asked to.
-        context: of a handler of kopf's; None: none was called yet.
+        failure: the reason; None: it was asked to stop.
+        context: of one of kopf's handlers; None: none was called yet.
     """
 
     def __init__(self, settings: Settings, api: KubeApi, leadership: Leadership, guard: LeadersOnly) -> None:
@@ -93,13 +93,13 @@ class Operator:
         self._reached = False
 
     def __copy__(self) -> Operator:
-        """Return itself: kopf gives each object a copy of what all share."""
+        """Return itself: kopf would otherwise give each object a copy of what all share."""
         return self
 
     # -- for the handlers ---------------------------------------------------------------------------------------
 
     async def serve(self) -> None:
-        """Answer probes and Prometheus from now on, until `end`."""
+        """Answer probes and Prometheus until `end`."""
         self._metrics.show(
             self._statuses,
             lambda: self._guard.calls,
@@ -112,7 +112,7 @@ class Operator:
         )
 
     async def obstacle(self) -> str:
-        """Return why there is nothing to watch yet; empty: the API server answers and serves our kind."""
+        """Return why nothing can be watched yet; empty: the API server answers and serves our kind."""
         self._leadership.alive()
         try:
             await self._list()
@@ -123,12 +123,12 @@ class Operator:
         return ""
 
     def begin(self) -> None:
-        """Begin to count and to wait for leadership; who waits has read everything by then."""
+        """Begin to count and to wait for leadership; a waiting operator has then already read everything."""
         self._start(self._recount.run(self.settings.resync_s))
         self._start(self._lead())
 
     async def log_in(self) -> kopf.AiohttpSession:
-        """Return a session with the credentials of this moment."""
+        """Return a session with the present credentials."""
         return session(await credentials(), self._guard, self._recount.opened)
 
     async def end(self) -> None:
@@ -139,7 +139,7 @@ class Operator:
         await asyncio.gather(*self._parts, return_exceptions=True)
         await self._leadership.release()
         await self._open.aclose()
-        self.stop.set()  # kopf would wait for its own look at this flag
+        self.stop.set()  # kopf would first wait for its own check of this flag
 
     def signs(self) -> Iterable[Limit]:
         """Yield the signs of life for /livez."""
@@ -157,7 +157,7 @@ class Operator:
         self._parts.append(task)
 
     def _ended(self, part: asyncio.Task[None]) -> None:
-        """End the process with a part that has ended by itself."""
+        """End the process with a part that ended by itself."""
         if part.cancelled():
             return
         error = part.exception()
@@ -168,7 +168,7 @@ class Operator:
         self.stop.set()
 
     async def _lead(self) -> None:
-        """Become the leader, and work."""
+        """Become the leader, then work."""
         await self._leadership.acquire()
         for part in (self._feed(), self._probe(), self._resync(), self._collector.run(self.settings.resync_s)):
             self._start(part)
@@ -176,7 +176,7 @@ class Operator:
         await self._leadership.hold()
 
     async def _feed(self) -> None:
-        """Work on the queue: from the store once that is complete, and before that from the API server itself."""
+        """Work on the queue: from the complete store, or until then from the API server itself."""
         try:
             async with asyncio.timeout(FEED_S):
                 await self._recount.complete.wait()
@@ -191,17 +191,17 @@ class Operator:
         await asyncio.Event().wait()
 
     async def _learn(self) -> None:
-        """Let passes work from the store, which is complete."""
+        """Let passes work from the complete store."""
         await self._controller.preread(self.settings.watch_namespaces)
         self._store.fed = True
         self._controller.resume()
-        # What was listed stays: looking through it for garbage again and again would hold everything up.
+        # The listed objects stay: repeated garbage collection over them would delay everything.
         gc.collect()
         gc.freeze()
         _log.info("Cache is complete", objects=len(self._store))
 
     async def _look(self, name: Name) -> None:
-        """Make one pass with everything around it: metrics, errors, the next time."""
+        """Make one pass, with its metrics, its errors and the next time."""
         began = time.perf_counter()
         try:
             result = await self._controller.reconcile(name)
@@ -215,7 +215,7 @@ class Operator:
         except NotLeaderError:
             raise
         except Exception:
-            # A bug about one object must not end the service for all others; it is logged, counted and tried again.
+            # A bug about one object must not stop the service for all others; it is logged, counted and retried.
             self._metrics.errors.labels("Bug").inc()
             self._metrics.reconciles.labels("error").inc()
             _log.exception("Reconcile failed", namespace=name[0], name=name[1], after_s=self._queue.retry(name))
@@ -232,7 +232,7 @@ class Operator:
             self._queue.remind(name, result.again_s + SETTLE_S)
 
     async def _probe(self) -> None:
-        """Compare the watch of RobotOffloads with a list, again and again; what it has missed is looked at."""
+        """Compare the watch of RobotOffloads with a list repeatedly, and process what the watch missed."""
         while True:
             await asyncio.sleep(self.settings.probe_s * random.uniform(0.9, 1.1))
             try:
@@ -248,12 +248,12 @@ class Operator:
                 _log.warning("Could not compare the watch with a list", error=str(error))
 
     async def _resync(self) -> None:
-        """Look at every object now and then, each at its own time, whatever the events said."""
+        """Look at every object from time to time, each at its own time, regardless of events."""
         while True:
             await asyncio.sleep(self.settings.resync_s)
             self._controller.forget_preread()
             for name in list(self._controller.memories):
-                # As an event: a reminder would be put off by every renewal of the robot's Lease.
+                # As an event: every renewal of the robot's Lease would put off a reminder.
                 self._queue.add(name, random.uniform(0, self.settings.resync_s))
 
     async def _list(self) -> list[Manifest]:
@@ -266,7 +266,7 @@ class Operator:
         return found
 
     def _post(self, raw: Manifest, event: Transition) -> None:
-        """Have kopf post an Event. kopf finds its queue in the context of handlers only, and pass run beside them."""
+        """Have kopf post an Event. kopf finds its queue only in the context of handlers, and passes run beside them."""
         if self.context is not None:
             about = kopf.Body(cast("kopf.RawBody", raw))
             self.context.run(lambda: kopf.event(about, type=event.type, reason=event.reason, message=event.message))

@@ -1,4 +1,4 @@
-"""The operator as a process: settings from the environment, lines of the log, an exit code."""
+"""The operator as a process: settings from the environment, log lines, an exit code."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _log = structlog.get_logger("robot_offload.runtime.process")
 
 
 def run(registry: kopf.OperatorRegistry) -> int:
-    """Run the operator until it is stopped or lose a part; return the exit code of the process.
+    """Run the operator until it is stopped or loses a part; return the exit code of the process.
 
     Args:
-        registry: what kopf calls when.
+        registry: kopf's handlers.
     """
     try:
         settings = from_environment(os.environ)
@@ -43,7 +43,7 @@ def run(registry: kopf.OperatorRegistry) -> int:
 
 
 async def _run(settings: Settings, registry: kopf.OperatorRegistry) -> None:
-    # Its own connection and no patience: renewing must not queue behind the work.
+    # A separate connection without patience: renewing must not queue behind the work.
     leader_api = connect(retry=RetryPolicy(attempts=1, request_timeout_s=settings.lease_s / 5))
     lease_s = settings.lease_s
     terms = Terms(duration_s=lease_s, renew_s=lease_s / 3, give_up_s=lease_s * 2 / 3)
@@ -59,7 +59,7 @@ async def _run(settings: Settings, registry: kopf.OperatorRegistry) -> None:
             clusterwide=not settings.watch_namespaces,
             namespaces=settings.watch_namespaces,
             stop_flag=operator.stop,
-            # kopf would ask for the user's name, which a container's user does not have.
+            # kopf would ask for the user's name, which a container's user lacks.
             identity=cast(Any, settings.pod_name),
         )
     except Exception as error:

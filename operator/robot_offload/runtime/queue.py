@@ -1,7 +1,7 @@
-"""Which RobotOffload is looked at when: one pass at a time for each, few at once, failing ones ever less often.
+"""When each RobotOffload is processed: one pass at a time for each, few at once, failing ones ever less often.
 
-Many events for one name become one pass. An event during a pass means one more pass after it. What a person has changed
-goes before everything else that is due.
+Many events for one name become one pass. An event during a pass means one more pass after it. A person's change goes
+before everything else that is due.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LONGEST_BACKOFF_S: Final = 120.0
 
 
 class Queue(Generic[Item]):
-    """Names with the time at which each is due, in two heaps: what waits for its time, and what is due."""
+    """Names with the time at which each is due, in two heaps: the waiting ones, and the due ones."""
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class Queue(Generic[Item]):
         seed: int | None = None,
         waited: Callable[[float], None] = lambda _waited_s: None,
     ) -> None:
-        """Begin empty; `waited` is called with the seconds between due and taken, of each that is taken."""
+        """Create an empty queue; `waited` gets the seconds between due and taken, for each taken one."""
         self._steady_s = steady_s
         self._waited = waited
         self._random = random.Random(seed)
@@ -37,14 +37,14 @@ class Queue(Generic[Item]):
         self._timers: set[Item] = set()
         self._busy: set[Item] = set()
         self._failures: dict[Item, int] = {}
-        # Entries of the heaps are never removed when plans change; those that no longer hold are skipped.
+        # Entries of the heaps are never removed when plans change; obsolete ones are skipped.
         self._later: list[tuple[float, int, Item]] = []
         self._ready: list[tuple[bool, float, int, Item]] = []
         self._numbers = itertools.count()
         self._changed = asyncio.Event()
 
     def __len__(self) -> int:
-        """Return how many are due or being looked at; timers of the future do not count."""
+        """Return how many are due or being processed; those of the future do not count."""
         now_s = self._steady_s()
         return len(self._busy) + sum(due_s <= now_s for item, due_s in self._due.items() if item not in self._busy)
 
@@ -55,10 +55,10 @@ class Queue(Generic[Item]):
         return max((now_s - due_s for item, due_s in self._due.items() if item not in self._busy), default=0.0)
 
     def add(self, item: Item, delay_s: float = 0.0, *, urgent: bool = False) -> None:
-        """Plan a pass because something has happened: after `delay_s`, or earlier when that was planned already.
+        """Plan a pass because something has happened: after `delay_s`, or earlier if already planned.
 
         Args:
-            item: what to look at.
+            item: to process.
             delay_s: seconds to wait for further events.
             urgent: whether it goes before others that are due.
         """
@@ -68,13 +68,13 @@ class Queue(Generic[Item]):
         self._timers.discard(item)
 
     def remind(self, item: Item, delay_s: float) -> None:
-        """Plan a pass although nothing has happened, because time passes: after `delay_s` at the latest."""
+        """Plan a pass without an event, because time passes: after `delay_s` at the latest."""
         if item not in self._due:
             self._timers.add(item)
         self._plan(item, delay_s)
 
     def postpone(self, item: Item, delay_s: float) -> None:
-        """Move a reminder further away; what events have planned stays."""
+        """Postpone a reminder; what events have planned stays."""
         if item in self._timers:
             due_s = max(self._due[item], self._steady_s() + delay_s)
             if due_s > self._due[item]:
@@ -90,11 +90,11 @@ class Queue(Generic[Item]):
         return delay_s
 
     def forgive(self, item: Item) -> None:
-        """Note that a pass went well: the next failure is the first again."""
+        """Record that a pass succeeded: the next failure counts as the first."""
         self._failures.pop(item, None)
 
     async def work(self, look: Callable[[Item], Awaitable[None]]) -> None:
-        """Take what is due, one after the other, until cancelled. Run several of these for several at once."""
+        """Process what is due, one after the other, until cancelled. Run several of these for concurrency."""
         while True:
             item = await self._take()
             try:

@@ -1,9 +1,9 @@
-"""What the watches have missed, found by lists of metadata.
+"""Finds what the watches missed, with lists of metadata.
 
-kopf goes on watching after whatever has broken off a stream. Where the API server has forgotten what came in between,
-kopf lists anew and delivers what is there: what was deleted meanwhile it never reports. A stream that was silent may
-have swallowed events as well. So each kind is counted once more when its stream is opened again, and at each resync:
-what a list does not have is gone, and what the watch has not brought is read.
+kopf resumes watching after a stream breaks. If the API server has forgotten the events between, kopf lists anew and
+delivers the existing objects: it never reports deletions of that time. A silent stream may have lost events as well. So
+each kind is counted once more when its stream is reopened, and at each resync: what a list lacks is gone, and what the
+watch has not brought is read.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from robot_offload.runtime.watched import WATCHED, Watched, ours
 Place: TypeAlias = str | None
 """A namespace; None: all of them."""
 GRACE_S: Final = 1.0
-"""What a list has and the watch has not brought is read after this time: most of it is on its way."""
+"""What only a list has is read after this time: the watch still delivers most of it."""
 _AGAIN_S: Final = 0.2
 _PAUSE_S: Final = 2.0
 _log = structlog.get_logger("robot_offload.runtime.recount")
 
 
 class Sink(Protocol):
-    """Where is brought what is learnt."""
+    """The receiver of what is found."""
 
     def seen(self, kind: Kind, manifest: Manifest) -> None:
-        """Note that an object is there, in this version."""
+        """Record that an object exists, in this version."""
         ...
 
     def gone(self, kind: Kind, manifest: Manifest) -> None:
-        """Note that an object was deleted; this is its last version."""
+        """Record that an object was deleted; this is its last version."""
         ...
 
     def only(self, kind: Kind, place: Place, there: frozenset[tuple[str, str]], version: str) -> None:
@@ -49,14 +49,14 @@ class Recount:
     """Compares the store with lists.
 
     Args:
-        api: is asked for lists.
-        store: what the watches have brought.
-        sink: where is brought what they have missed.
-        places: the namespaces that are watched; empty: all.
-        unwatched: a namespace whose Secrets no watch brings; None: there is none.
+        api: for the lists.
+        store: the objects from the watches.
+        sink: receives what they missed.
+        places: the watched namespaces; empty: all.
+        unwatched: a namespace whose Secrets are not watched; None: there is none.
 
     Attributes:
-        complete: set once the store has had every object that the lists have.
+        complete: set once the store has had every object of the lists.
     """
 
     def __init__(
@@ -74,14 +74,14 @@ class Recount:
 
     @property
     def missing(self) -> list[str]:
-        """Return the kinds whose watch has never been opened."""
+        """Return the kinds whose watch was never opened."""
         return sorted({watched.kind.kind for watched, place in self._all if (watched, place) not in self._open})
 
     def opened(self, path: str) -> None:
-        """Note that a stream is asked for: what was listed before it has been handed over.
+        """Record that a stream is requested: the list before it has been delivered.
 
         Args:
-            path: of the collection in the API server.
+            path: the collection's, in the API server.
         """
         for watched, place in self._all:
             if watched.kind.path(place) == path:
@@ -89,7 +89,7 @@ class Recount:
                 self._changed.set()
 
     async def run(self, every_s: float) -> None:
-        """Count everything at the start and each `every_s` seconds, and a kind when its stream is opened again."""
+        """Count everything at the start and each `every_s` seconds, and a kind when its stream is reopened."""
         await self._first()
         while True:
             self._changed.clear()
@@ -110,10 +110,10 @@ class Recount:
                 self._changed.set()
 
     async def look_home(self) -> None:
-        """Take in the Secrets that no watch brings.
+        """Read the Secrets that are not watched.
 
         Raises:
-            KubeError: the API server refuses or is silent.
+            KubeError: the API server refuses or does not answer.
         """
         if self._unwatched is not None:
             secrets = Watched(SECRET)
@@ -138,7 +138,7 @@ class Recount:
         self.complete.set()
 
     async def _count(self, watched: Watched, place: Place) -> list[Manifest]:
-        """Drop what a list does not have; return the metadata of what the watch has not brought in this version."""
+        """Drop what a list lacks; return the metadata of objects that the watch has not brought in this version."""
         kind, there, late, latest = watched.kind, set(), [], ""
         async for page, version in self._api.pages(kind, place, watched.metadata):
             latest = version
@@ -146,12 +146,12 @@ class Recount:
                 there.add((str(manifest["metadata"].get("namespace") or ""), str(manifest["metadata"]["name"])))
                 if not self._current(kind, manifest):
                     late.append(manifest)
-            await asyncio.sleep(0)  # passes, probes and renewals go on between two pages
+            await asyncio.sleep(0)  # passes, probes and renewals continue between two pages
         self._sink.only(kind, place, frozenset(there), latest)
         return late
 
     async def _heal(self, watched: Watched, late: Sequence[Manifest]) -> None:
-        """Read what the watch has still not brought after a moment."""
+        """Read what the watch has still not brought a moment later."""
         if late:
             await asyncio.sleep(GRACE_S)
         for manifest in late:
@@ -160,12 +160,12 @@ class Recount:
                 continue
             _log.info("The watch has missed", kind=kind.kind, namespace=metadata["namespace"], name=metadata["name"])
             if kind == SECRET or self._others(kind, manifest):
-                self._sink.seen(kind, manifest)  # more than metadata is never kept of these
+                self._sink.seen(kind, manifest)  # for these, only metadata is ever kept
             elif (found := await self._api.get(kind, metadata["namespace"], metadata["name"])) is not None:
                 self._sink.seen(kind, found)
 
     def _current(self, kind: Kind, manifest: Manifest) -> bool:
-        """Return whether the store has an object in this version or a newer one, or know that it has gone."""
+        """Return whether the store has an object in this version or a newer one, or knows that it was deleted."""
         metadata = manifest["metadata"]
         known = self._version(kind, manifest)
         return self._store.buried(str(metadata["uid"])) or (

@@ -1,8 +1,8 @@
-"""The HTTP session that kopf speaks to the API server with.
+"""kopf's HTTP session with the API server.
 
-Three things stand between kopf and the cluster, which kopf itself has no setting for: Secrets are listed and watched as
-metadata, so that no key comes into this process; a list of nothing is an empty list; and each request is counted and
-kept from writing unless this process leads.
+It adds three things for which kopf has no setting: Secrets are listed and watched as metadata, so that no key comes
+into this process; a list without items is an empty list; and each request is counted, and writes are refused unless
+this process leads.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def session(
 
     Args:
         credentials: which API server, and as whom.
-        guard: is called before each request; what it raises keeps the request from being sent.
-        opened: is called with the path of a collection whenever a stream of it is asked for.
+        guard: called before each request; an exception prevents it.
+        opened: called with the path of a collection whenever a stream of it is requested.
     """
 
     async def between(request: aiohttp.ClientRequest, send: aiohttp.ClientHandlerType) -> aiohttp.ClientResponse:
@@ -47,7 +47,7 @@ def session(
         if path.endswith("/secrets"):
             request.headers["Accept"] = METADATA if watch else METADATA_LIST
         if watch:
-            opened(path)  # also where nothing answers: a silent stream is one that may have swallowed events
+            opened(path)  # also without an answer: a silent stream may have lost events
         return await send(request)
 
     http = aiohttp.ClientSession(

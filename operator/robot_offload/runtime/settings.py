@@ -23,30 +23,30 @@ _FORMATS: Final[Mapping[str, LogFormat]] = {"json": "json", "text": "text"}
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How one operator runs. Times in seconds.
+    """The settings of one operator. Times in seconds.
 
     Attributes:
         images: of our own programs.
         watch_namespaces: the namespaces that it serves; empty: all.
-        pod_namespace: where the leader's Lease is.
+        pod_namespace: of the leader's Lease.
         pod_name: its identity as leader; unique among operators.
-        resync_s: after this long every object is looked at, whatever the events said.
-        probe_s: how often the watch is compared with a list.
-        inactivity_s: a watch that is silent for this long is opened again.
-        lease_s: how long the leader's Lease holds.
-        metrics_port: of /metrics; 0: a free one, told in the log.
-        health_port: of /livez and /readyz; 0: a free one, told in the log.
+        resync_s: period in which every object is looked at, regardless of events.
+        probe_s: period in which the watch is compared with a list.
+        inactivity_s: a watch that is silent for this long is reopened.
+        lease_s: duration of the leader's Lease.
+        metrics_port: of /metrics; 0: a free one, named in the log.
+        health_port: of /livez and /readyz; 0: a free one, named in the log.
         log_level: debug, info, warning or error.
         log_format: json, one object a line, or text for people.
-        request_s: how long one request to the API server may take.
-        workers: how many objects are looked at at once.
-        max_rolling: of how many robots pods are replaced at once when the operator itself wants other pods.
+        request_s: time limit of one request to the API server.
+        workers: how many objects are processed concurrently.
+        max_rolling: number of robots whose pods are replaced at once when the operator itself wants other pods.
         load_balancer_node_ports: whether Services of type LoadBalancer get node ports, too.
-        network: what is decided about network policies.
-        pull_secrets: names of Secrets with which images of all robots are fetched.
-        pod_spec: what is said about all pods of robots.
+        network: decisions about network policies.
+        pull_secrets: names of Secrets for pulling the images of all robots.
+        pod_spec: defaults for the pods of all robots.
         keep: how long the keys of authorities outlive their RobotOffload.
-        admission: the name of the admission policy; empty: what was written is not checked again.
+        admission: the name of the admission policy; empty: objects are not checked again.
     """
 
     images: Images
@@ -73,7 +73,7 @@ class Settings:
 
     @property
     def policy(self) -> Policy:
-        """Return what holds for all RobotOffloads."""
+        """Return the part that applies to all RobotOffloads."""
         return Policy(
             max_rolling=self.max_rolling,
             load_balancer_node_ports=self.load_balancer_node_ports,
@@ -87,10 +87,10 @@ class Settings:
 
 
 def from_environment(environment: Mapping[str, str]) -> Settings:
-    """Return the settings in an environment.
+    """Read the settings from an environment.
 
     Raises:
-        InputError: a variable is missing or has no usable value; all of them are told.
+        InputError: variables are missing or have no usable value; all are reported.
     """
     problems: list[str] = []
 
@@ -155,7 +155,7 @@ def from_environment(environment: Mapping[str, str]) -> Settings:
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """Return the words of a list with commas, each once."""
+    """Return the words of a comma-separated list, each once."""
     return tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
 
 

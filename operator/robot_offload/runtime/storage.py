@@ -1,4 +1,4 @@
-"""Nothing of kopf's stays on users' objects: it would tell handlers what has changed, and passes look at what is."""
+"""Keeps kopf's own data off users' objects: it would report changes to handlers, but passes look at states."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class NoProgress(kopf.ProgressStorage):
         """Write nothing."""
 
     def clear(self, *, essence: kopf.BodyEssence) -> kopf.BodyEssence:
-        """Return what was given: there is nothing of ours in it."""
+        """Return it unchanged: it contains nothing of ours."""
         return essence
 
 
 class NoDifference(kopf.DiffBaseStorage):
-    """Keeps no former state of objects, and copies none to compare."""
+    """Keeps no former state of objects, and copies nothing for comparison."""
 
     def build(self, **_: Any) -> kopf.BodyEssence:
         """Return nothing to compare."""

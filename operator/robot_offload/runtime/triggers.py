@@ -1,7 +1,7 @@
-"""Which news of the cluster leads to a pass over which RobotOffload.
+"""Which event in the cluster leads to a pass over which RobotOffload.
 
-News brings the store up to date first. What a pass has written itself is in the store already when its event comes, so
-the echo of our own writes leads to nothing.
+An event updates the store first. A pass's own writes are already in the store when their events come, so the echo of
+our own writes leads to nothing.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from robot_offload.runtime.recount import Place
 from robot_offload.runtime.watched import ours
 
 SETTLE_S: Final = 0.1
-"""Seconds for which the pass after an event of a child waits for its siblings' events."""
+"""How long the pass after an event of a child waits for its siblings' events, in seconds."""
 
 
 class Triggers:
-    """Takes in what the watches and the recount bring (see `recount.Sink`)."""
+    """Receives what the watches and the recount find (see `recount.Sink`)."""
 
     def __init__(
         self, controller: Controller, store: Store, queue: Queue[Name], gone: Callable[[], None] = lambda: None
     ) -> None:
-        """`gone` is called when a RobotOffload has gone."""
+        """Create the triggers; `gone` is called when a RobotOffload was deleted."""
         self._controller = controller
         self._store = store
         self._queue = queue
@@ -73,7 +73,7 @@ class Triggers:
         name = _place(manifest)
         before = self._store.entry(ROBOT_OFFLOAD, *name)
         if self._store.put(ROBOT_OFFLOAD, manifest):
-            # What a person has just written goes first; what is found at the start is all equally old.
+            # A person's latest change goes first; objects found at the start are all equally old.
             changed = before is None or before.generation != manifest["metadata"].get("generation")
             self._queue.add(name, urgent=self._store.fed and changed)
 
@@ -91,7 +91,7 @@ class Triggers:
             self._queue.add(name, 0.0 if kind == LEASE else SETTLE_S)
 
     def _config_map(self, place: tuple[str, str], version: str) -> None:
-        """Note the version of a user's ConfigMap (empty: it has gone). Nodes may read it; its content is not kept."""
+        """Record the version of a user's ConfigMap (empty: deleted). Nodes may read it; its content is not kept."""
         if self._store.config_versions.get(place, "") == version:
             return
         if version:
@@ -103,7 +103,7 @@ class Triggers:
 
 
 def owner(manifest: Manifest) -> Name | None:
-    """Return the RobotOffload that an object belongs to by its label, or that an authority's Secret serves."""
+    """Return the RobotOffload of an object's label, or the one that an authority's Secret serves."""
     metadata = manifest["metadata"]
     served = authorities.serves(manifest)
     if served is not None:

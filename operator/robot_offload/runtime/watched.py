@@ -1,4 +1,4 @@
-"""What is watched: each kind, and which of its objects. The table is read by kopf's settings and by the recount."""
+"""The watched kinds, and which of their objects. The table is read by kopf's settings and by the recount."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ OURS: Final = f"{labels.MANAGED_BY}={labels.MANAGER}"
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """One kind of object.
+    """A watched kind of object.
 
     Attributes:
-        kind: which one.
+        kind: the kind.
         labels: a label selector; empty: all.
         fields: a field selector; empty: all.
     """
@@ -28,19 +28,19 @@ class Watched:
 
     @property
     def metadata(self) -> Selection:
-        """Return what a list of the metadata alone selects."""
+        """Return the selection for a list of the metadata alone."""
         return Selection(self.labels, self.fields, metadata_only=True)
 
 
 WATCHED: Final = (
     Watched(ROBOT_OFFLOAD, labels=""),
     *(Watched(kind) for kind in (*CHILD_KINDS, POD) if kind != CONFIG_MAP),
-    # Nodes may read ConfigMaps of users. Each namespace has one of the API server's.
+    # Nodes may read users' ConfigMaps. The API server puts one of its own into each namespace.
     Watched(CONFIG_MAP, labels="", fields="metadata.name!=kube-root-ca.crt"),
 )
 """Everything that leads to passes."""
 
 
 def ours(manifest: Manifest) -> bool:
-    """Return whether this operator has made an object."""
+    """Return whether this operator created an object."""
     return (manifest["metadata"].get("labels") or {}).get(labels.MANAGED_BY) == labels.MANAGER

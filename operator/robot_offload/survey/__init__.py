@@ -1,1 +1,1 @@
-"""A running ROS graph, what of it can be shared with the cloud, and the RobotOffload that says so."""
+"""A running ROS graph, what of it can be shared with the cloud, and the RobotOffload that declares it."""

@@ -1,4 +1,4 @@
-"""Runs the program that looks at the graph under an interpreter that has ROS 2; this package needs none."""
+"""Runs the program that reads the graph under an interpreter that has ROS 2; this package needs none."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_offload.survey.snapshot import GraphSnapshot, read
 
 PROGRAM: Final = Path(__file__).with_name("look.py")
 PATIENCE_S: Final = 120.0
-"""How much longer than asked for a look may take: nodes that do not answer, a slow machine."""
+"""How much longer than requested a look may take: nodes that do not answer, a slow machine."""
 NEXT: Final = (
     "source the ROS 2 setup file in this shell (source /opt/ros/DISTRO/setup.bash) and run the command again; or look "
     "on the robot: `robot-offload import --program > look.py`, there `python3 look.py > graph.json`, then here "
@@ -23,7 +23,7 @@ NEXT: Final = (
 
 
 def look(seconds: float) -> GraphSnapshot:
-    """Return what is seen of the ROS graph of this shell within that time.
+    """Return the ROS graph of this shell as seen within that time.
 
     Raises:
         InputError: no interpreter here has rclpy.

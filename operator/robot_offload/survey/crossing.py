@@ -1,7 +1,7 @@
-"""What crosses between the sides once it is known which nodes leave: topics, services, actions, state.
+"""What crosses between the sides for a given set of leaving nodes: topics, services, actions, state.
 
 A name is internal (only nodes that leave use it), served (they offer it to others), used (others offer it to them) or
-mixed (both); docs/how-to/which-nodes.md says what each means.
+mixed (both); docs/how-to/which-nodes.md explains each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STANDARD_TYPES: Final = (
     "composition_interfaces/",
 )
 _CONTINUED: Final = ("NavigateToPose", "FollowPath", "ComputePathToPose", "ComputePathThroughPoses", "SmoothPath")
-"""Actions of Nav2 whose goals name a target; a replica that gets one a second time does the same."""
+"""Actions of Nav2 whose goals name a target; a replica that receives one again does the same."""
 _LEAST_AGE_MS: Final = 200
 _PERIODS_OF_AGE: Final = 5
 _JUDGED_FROM_HZ: Final = 1.0
@@ -38,7 +38,7 @@ def add_to(sketch: Sketch, world: World) -> None:
             continue
         if own_topic(topic.name):
             continue
-        if OWN_TOPIC_PREFIX in topic.name:  # NODE/offload/state, by which a node hands its state over
+        if OWN_TOPIC_PREFIX in topic.name:  # NODE/offload/state, on which a node hands over its state
             _add_state(topic, world, nodes)
         else:
             _add_topic(topic, world, sketch, nodes)
@@ -101,12 +101,12 @@ def _input(topic: TopicSeen, hearers: list[str]) -> Entry:
 
 
 def max_age_ms(rate_hz: float) -> int:
-    """Return the age of an input at which the cloud is not fit to act: five periods in whole tenths of a second."""
+    """Return the age of an input at which the cloud must not act: five periods in whole tenths of a second."""
     return max(_LEAST_AGE_MS, math.ceil(_PERIODS_OF_AGE * 10 / rate_hz) * 100)
 
 
 def figures(topic: TopicSeen) -> str:
-    """Return what was measured of a topic, in words."""
+    """Return a topic's measurements, in words."""
     if not topic.measured:
         return plain(topic.problem) or "not measured"
     quality = next((it for it in topic.publishers if it.durability), None)
@@ -127,7 +127,7 @@ def size_text(size: float) -> str:
 
 
 def _rounded(rate_hz: float) -> int:
-    """Return a rate as its author may have written it, not more than was seen: in steps of 5 Hz, below 10 Hz of 1 Hz.
+    """Return a rate as its author may have written it, at most the measured one: in steps of 5 Hz, below 10 Hz of 1 Hz.
 
     3 % are allowed for the noise of some seconds of listening.
     """

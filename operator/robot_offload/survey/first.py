@@ -1,4 +1,4 @@
-"""A first RobotOffload from five answers: one node on both sides, what it publishes and hears, what stops the robot."""
+"""A first RobotOffload from five answers: one node on both sides, its outputs and inputs, and what stops the robot."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robot_offload.survey.sketch import Entry, NodeSketch, Sketch
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What a person says of the robot.
+    """A person's answers about the robot.
 
     Attributes:
         name: the robot's name.
-        node: the node that shall run on both sides.
+        node: the node that is to run on both sides.
         publishes: each TOPIC, TOPIC:TYPE or TOPIC:TYPE:RATE.
         hears: topics.
         stop: the service that stops the robot; empty: none, and the node is not core.
@@ -35,8 +35,8 @@ def first(answers: Answers) -> Sketch:
     """Return the commented file of these answers.
 
     Raises:
-        SpecError: an answer is none that the resource takes; every problem at once.
-        InputError: a rate is no number.
+        SpecError: the resource does not accept an answer; every problem at once.
+        InputError: a rate is not a number.
     """
     sketch = Sketch(
         answers.name,

@@ -1,6 +1,6 @@
-"""Makes a sketch one that `validate` accepts: whatever a rule refuses leaves it, and a comment says so.
+"""Makes a sketch acceptable to `validate`: what a rule refuses is removed, and a comment says so.
 
-The rules stay the resource's own: the sketch is read as a file would be, and each problem names the place of what goes.
+The rules are the resource's own: the sketch is read like a file, and each problem gives the place of what goes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robot_offload.survey.proposal import SurveyError
 from robot_offload.survey.sketch import LISTS, Entry, Sketch, plain
 
 ROUNDS: Final = 200
-"""Each round takes something away; a sketch of a robot needs a few."""
+"""Each round removes something; a sketch of a robot needs a few."""
 MOST: Final = {"outputs": 16, "services": 16, "actions": 16, "state": 8}
 MOST_TO_CLOUD: Final = 128
 MOST_SILENT: Final = 64
@@ -65,7 +65,7 @@ def _last_first(finding: Finding) -> tuple[int, ...]:
 
 
 def _remove(sketch: Sketch, finding: Finding) -> None:
-    """Take away what a finding is about; what is gone already stays gone."""
+    """Remove what a finding is about; it may already be gone."""
     if node := _NODE.fullmatch(finding.path):
         _remove_of_node(sketch, int(node[1]), node[2] or "", finding)
     elif entry := re.match(r"spec\.topics\.toCloud(?:\[(\d+)\])?", finding.path):

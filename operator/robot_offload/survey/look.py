@@ -1,7 +1,7 @@
 """Looks at a running ROS graph for some seconds and prints what it saw as JSON: `python3 look.py SECONDS > graph.json`.
 
-A program of its own, for the interpreter that has ROS 2: it needs rclpy and nothing else of ours, Python 3.10 or newer,
-and runs on the robot as well. It reads only: it subscribes (best effort, so that it slows down no publisher) and asks
+A separate program for the interpreter that has ROS 2: it needs rclpy and nothing else of ours, Python 3.10 or newer,
+and runs on the robot as well. It only reads: it subscribes (best effort, so that it slows down no publisher) and asks
 for lifecycle states and parameters; it publishes nothing, sets nothing, starts nothing.
 """
 
@@ -27,12 +27,12 @@ from rclpy.serialization import deserialize_message
 
 VERSION: Final = 1
 NODE: Final = "_robot_offload_import"
-"""Hidden, as names with an underscore first are."""
+"""Hidden, like all names that begin with an underscore."""
 SEARCH_S: Final = 0.2
-"""How often new topics are looked for: on a busy host nodes are found some seconds late."""
+"""How often to look for new topics: on a busy host nodes are found some seconds late."""
 MOST_TOPICS: Final = 256
 MOST_BYTES: Final = 16 * 1024 * 1024
-"""After so much of one topic its rate and size are known well enough."""
+"""After this much of one topic its rate and size are known well enough."""
 MOST_FRAMES: Final = 256
 MOST_PARAMETERS: Final = 512
 ASKED_AT_ONCE: Final = 16
@@ -46,7 +46,7 @@ _NO_DEVICE_FOLDERS: Final = ("/dev/shm", "/dev/pts", "/dev/mqueue")  # noqa: S10
 
 
 class Ear:
-    """Counts what one topic carries."""
+    """Counts the messages of one topic."""
 
     def __init__(self, node: Node, topic: str, type_name: str, *, latched: bool) -> None:
         package, _, name = type_name.partition("/msg/")
@@ -63,7 +63,7 @@ class Ear:
 
     @property
     def full(self) -> bool:
-        """Whether enough was heard."""
+        """Whether enough was received."""
         return self.size > MOST_BYTES
 
     def _hear(self, data: bytes) -> None:
@@ -88,7 +88,7 @@ class Looker:
         self.problems: dict[str, str] = {}
 
     def spin(self, until_s: float) -> None:
-        """Listen until a time of the steady clock, to topics that are found meanwhile too."""
+        """Listen until a time of the steady clock, also to topics found meanwhile."""
         search_s = 0.0
         while (now_s := time.monotonic()) < until_s:
             if now_s >= search_s:
@@ -101,7 +101,7 @@ class Looker:
                     ear.subscription = None
 
     def listen(self) -> None:
-        """Subscribe to every topic that somebody publishes and whose type this interpreter has."""
+        """Subscribe to every published topic whose type this interpreter has."""
         for topic, types in self.node.get_topic_names_and_types():
             if topic in OF_ROS or "/_" in topic or topic in self.ears or topic in self.problems:
                 continue
@@ -119,13 +119,13 @@ class Looker:
     def _listen_to(self, topic: str, type_name: str, *, latched: bool) -> None:
         try:
             self.ears[topic] = Ear(self.node, topic, type_name, latched=latched)
-        except Exception as error:  # whatever a foreign message package does on import
+        except Exception as error:  # a foreign message package may raise anything on import
             self.problems[topic] = f"not measured: {type_name} cannot be used here ({type(error).__name__})"
 
     # -- the graph ----------------------------------------------------------------------------------------------------
 
     def nodes(self) -> dict[str, dict[str, Any]]:
-        """Return every node by its full name, with what it offers and calls."""
+        """Return every node by its full name, with the services and actions that it offers and calls."""
         found: dict[str, dict[str, Any]] = {}
         for name, namespace in self.node.get_node_names_and_namespaces():
             if name == NODE:
@@ -151,13 +151,13 @@ class Looker:
         for what, ask in asked.items():
             try:
                 pairs = ask(name, namespace)
-            except Exception:  # it went away between two questions
+            except Exception:  # it went away between two requests
                 pairs = []
             found[what] = {it: types[0] for it, types in pairs if types and "/_action/" not in it}
         return found
 
     def topics(self, nodes: dict[str, dict[str, Any]]) -> Iterator[dict[str, Any]]:
-        """Yield every topic with who publishes it, who hears it and what was measured."""
+        """Yield every topic with its publishers, subscribers and measurements."""
         for topic, types in self.node.get_topic_names_and_types():
             if "/_" in topic:
                 continue
@@ -182,7 +182,7 @@ class Looker:
     # -- questions to the nodes ---------------------------------------------------------------------------------------
 
     def ask(self, nodes: dict[str, dict[str, Any]]) -> None:
-        """Ask every node for its lifecycle state and its parameters; what does not answer in time stays unknown."""
+        """Ask every node for its lifecycle state and its parameters; without an answer in time they stay unknown."""
         names = list(nodes)
         for start in range(0, len(names), ASKED_AT_ONCE):
             some = [nodes[name] for name in names[start : start + ASKED_AT_ONCE]]
@@ -253,7 +253,7 @@ _VALUES: Final = ("", "bool_value", "integer_value", "double_value", "string_val
 
 
 def _value(value: Any) -> Any:
-    """Return a parameter's value as JSON has it; None for none, and for bytes, which no parameter file can hold."""
+    """Return a parameter's value in JSON form; None for none, and for bytes, which no parameter file can hold."""
     field = _VALUES[value.type] if value.type < len(_VALUES) else ""
     found = getattr(value, field) if field else None
     return found if found is None or isinstance(found, (bool, int, float, str)) else list(found)
@@ -263,7 +263,7 @@ def _value(value: Any) -> Any:
 
 
 def processes() -> dict[int, dict[str, Any]]:
-    """Return the ROS processes of this host, with the processor time that they have used."""
+    """Return the ROS processes of this host, with their used processor time."""
     found = {}
     for folder in Path("/proc").iterdir():
         if not folder.name.isdigit() or int(folder.name) == os.getpid():
@@ -272,7 +272,7 @@ def processes() -> dict[int, dict[str, Any]]:
             command = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")[:-1]
             if command and _speaks_ros(folder, command) and _in_our_domain(folder):
                 found[int(folder.name)] = _process(folder, command)
-        except OSError:  # it has ended, or belongs to somebody else
+        except OSError:  # it has ended, or belongs to another user
             continue
     return found
 
@@ -285,7 +285,7 @@ def _speaks_ros(folder: Path, command: list[str]) -> bool:
 
 
 def _in_our_domain(folder: Path) -> bool:
-    """Return whether a process is in our ROS domain, by its environment; robots share machines in a laboratory."""
+    """Return whether a process is in our ROS domain, from its environment; in a laboratory robots share machines."""
     variables = (folder / "environ").read_bytes().decode(errors="replace").split("\0")
     found = [it.partition("=")[2] for it in variables if it.startswith("ROS_DOMAIN_ID=")]
     return (found[-1] if found else "") in ((os.environ.get("ROS_DOMAIN_ID") or ""), *_DEFAULT_DOMAIN)
@@ -317,7 +317,7 @@ def _devices(folder: Path) -> Iterator[str]:
 
 
 def _parameter_files(folder: Path, command: list[str]) -> Iterator[tuple[str, str]]:
-    """Yield the parameter files that a process was started with: what they say differs from the nodes' defaults."""
+    """Yield the parameter files with which a process was started: they differ from the nodes' defaults."""
     for option, name in itertools.pairwise(command):
         path = (
             folder / "root" / (folder / "cwd" / name).resolve().relative_to("/") if option == "--params-file" else None
@@ -337,7 +337,7 @@ def with_load(before: dict[int, dict[str, Any]], after: dict[int, dict[str, Any]
 
 
 def look(seconds: float) -> dict[str, Any]:
-    """Look for that long and return what was seen."""
+    """Look for that long and return the result."""
     looker = Looker()
     before, before_s = processes(), time.monotonic()
     looker.spin(before_s + seconds)
@@ -368,4 +368,4 @@ def _own_participant(node: Node) -> str:
 if __name__ == "__main__":
     json.dump(look(float(sys.argv[1]) if len(sys.argv) > 1 else 10.0), sys.stdout)
     sys.stdout.flush()
-    os._exit(0)  # a middleware that takes its time to end must not cost what was seen
+    os._exit(0)  # a middleware that is slow to end must not cost the result

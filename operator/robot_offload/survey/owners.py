@@ -1,10 +1,10 @@
-"""Which process runs which node, and which nodes are only parts of another: read from identifiers and command lines.
+"""Which process runs which node, and which nodes are only parts of another: from identifiers and command lines.
 
 A node is found in its process in this order:
 1. Fast DDS: bytes 2 to 5 of the identifier are the host's and the lower half of the process's number (observed with
-   Fast DDS 2.14, `GuidUtils`); the process must be one of the ROS processes of the host that was looked at.
-2. the name on the command line, `__node:=NAME`, with `__ns:=` where it is given.
-3. the program's own name, `controller.py` or `controller_server`, where one process alone has it.
+   Fast DDS 2.14, `GuidUtils`); the process must be one of the ROS processes of the observed host.
+2. the name on the command line, `__node:=NAME`, with `__ns:=` if given.
+3. the program's own name, `controller.py` or `controller_server`, if only one process has it.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ CONTAINERS: Final = ("component_container", "component_container_mt", "component
 
 @dataclass(frozen=True, slots=True)
 class Owners:
-    """What runs where.
+    """The assignment of nodes to processes.
 
     Attributes:
-        process: node -> its process, where that is known.
+        process: node -> its process, if known.
         shares: node -> how many nodes its process runs.
-        whole: node -> the node that it is a part of; itself for most.
+        whole: node -> the node of which it is a part; itself for most.
     """
 
     process: Mapping[str, ProcessSeen]
@@ -37,7 +37,7 @@ class Owners:
     whole: Mapping[str, str]
 
     def cpu(self, node: str) -> float:
-        """Return the node's share of its process's use of the processor; 0 where the process is unknown."""
+        """Return the node's share of its process's processor use; 0 if the process is unknown."""
         process = self.process.get(node)
         return process.cpu / self.shares[node] if process else 0.0
 
@@ -62,7 +62,7 @@ def owners(graph: GraphSnapshot) -> Owners:
 
 
 def _parts(process: ProcessSeen, nodes: list[NodeSeen]) -> dict[str, str]:
-    """Return, for a process of several nodes that is no container of components, whose parts its deeper nodes are.
+    """Return the wholes of a process's deeper nodes, if it runs several nodes and is not a container of components.
 
     Nav2's costmaps are such nodes: children of controller_server, in its process, and nothing without it.
     """
@@ -74,7 +74,7 @@ def _parts(process: ProcessSeen, nodes: list[NodeSeen]) -> dict[str, str]:
 
 
 def program(process: ProcessSeen) -> str:
-    """Return the file name of what a process runs: of the script, where an interpreter runs one."""
+    """Return the file name of a process's program, or of the script that an interpreter runs."""
     words = [PurePosixPath(word).name for word in process.command]
     if words and words[0].startswith("python") and len(words) > 1:
         return words[1]

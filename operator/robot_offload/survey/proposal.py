@@ -1,4 +1,4 @@
-"""From a graph to a sketch of its RobotOffload: which node goes where, and what of each crosses between the sides."""
+"""From a graph to a sketch of its RobotOffload: which node goes where, and what crosses between the sides."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robot_offload.survey.sketch import NodeSketch, Sketch, plain
 from robot_offload.survey.snapshot import GraphSnapshot, NodeSeen
 
 MOST_NODES: Final = 64
-"""As many as a RobotOffload has."""
+"""The maximum of a RobotOffload."""
 NO_LIFECYCLE: Final = (
     "it has no lifecycle: Duplicated it would run on both sides all the time, with placement Cloud it would end with "
     "the link"
@@ -27,16 +27,16 @@ _DISTROS: Final = get_args(RobotSide.model_fields["ros_distro"].annotation)
 
 
 class SurveyError(RobotOffloadError):
-    """The graph was looked at, and nothing can be proposed for it."""
+    """Nothing can be proposed for the graph."""
 
 
 def propose(graph: GraphSnapshot, name: str = "", folder: str = "") -> Sketch:
     """Return a proposed RobotOffload: every node with a lifecycle and no reason to stay is duplicated.
 
     Args:
-        graph: what was seen.
+        graph: as seen.
         name: the robot's name; empty: made from the host's.
-        folder: where the file will lie: programs are named from there, or else by their whole path.
+        folder: of the future file: programs are named from there, or else by their whole path.
 
     Raises:
         SurveyError: there is no node in the graph.
@@ -55,7 +55,7 @@ def propose(graph: GraphSnapshot, name: str = "", folder: str = "") -> Sketch:
 
 
 def _sane(graph: GraphSnapshot) -> GraphSnapshot:
-    """Return the graph with each node once, and none whose name is no full name."""
+    """Return the graph with each node once, and only nodes with a full name."""
     nodes: dict[str, NodeSeen] = {}
     for node in graph.nodes:
         if _FULL_NAME.match(node.name):
@@ -87,9 +87,9 @@ def _leaves(node: NodeSeen, known: Mapping[str, Role]) -> bool:
 
 
 def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[str, str]) -> dict[str, str]:
-    """Let one node leave of several that publish one topic others hear: the owner of the busiest topics.
+    """Let only one of several publishers of an externally heard topic leave: the owner of the busiest topics.
 
-    An output has one node: nobody could tell otherwise whose messages shall pass.
+    An output has one node: otherwise nobody could decide whose messages pass.
     """
     kept = dict(moved)
     said: dict[str, int] = {}
@@ -106,7 +106,7 @@ def _one_speaker(graph: GraphSnapshot, whole: Mapping[str, str], moved: Mapping[
 
 
 def _namespace(nodes: list[NodeSeen], known: Mapping[str, Role]) -> str:
-    """Return the namespace of the robot: the one with most of the nodes that can leave, or else with most nodes."""
+    """Return the robot's namespace: the one with most of the nodes that can leave, or else with most nodes."""
     counted: dict[str, tuple[int, int]] = {}
     for node in nodes:
         free, all_of_it = counted.get(_space(node.name), (0, 0))
@@ -119,7 +119,7 @@ def _space(node: str) -> str:
 
 
 def _chosen(world: World) -> tuple[list[NodeSeen], list[NodeSeen]]:
-    """Return the nodes of the file and those that it has no room or no word for."""
+    """Return the nodes of the file, and those for which it has no room or no form."""
     nodes = [it for it in world.graph.nodes if world.roles[it.name].kind is not Kind.OURS]
     fits = [it for it in nodes if _space(it.name) == world.namespace and world.owned.whole[it.name] == it.name]
     near = world.neighbours()
@@ -192,13 +192,13 @@ def _why_alone(node: NodeSeen) -> str:
 
 
 def plain_words(text: str) -> str:
-    """Return a reason as it may stand in a comment."""
+    """Return a reason in a form that fits a comment."""
     shown = ascii(text)[1:-1]
     return shown if len(shown) <= 240 else f"{shown[:236]}..."
 
 
 def _times(sketch: Sketch) -> None:
-    """Propose the robot's period from the commands; the cloud's is not measured yet."""
+    """Propose the robot's period from the commands; the cloud's is not yet measured."""
     rates = [it.value["rate"] for node in sketch.nodes if node.fields.get("core") for it in node.lists["outputs"]
              if "rate" in it.value]  # fmt: skip
     if rates:

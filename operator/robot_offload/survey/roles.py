@@ -1,7 +1,7 @@
-"""Which nodes can leave the robot at all, and why the others cannot: by their devices, their topics, their names.
+"""Which nodes can leave the robot, and why the others cannot: by their devices, their topics, their names.
 
-A node is bound to the robot when it has a device open, publishes what sensors publish and hears nothing, or takes the
-commands that move the robot and passes none on. The names are habits of ROS 2 robots (Nav2, ros2_control), taken from
+A node is bound to the robot if it has a device open, publishes what sensors publish and hears nothing, or takes the
+commands that move the robot and passes none on. The names are conventions of ROS 2 robots (Nav2, ros2_control), from
 docs/how-to/which-nodes.md.
 """
 
@@ -26,9 +26,9 @@ SENSED: Final = frozenset({"nav_msgs/msg/Odometry"} | {f"sensor_msgs/msg/{name}"
     "LaserScan", "Image", "CompressedImage", "PointCloud2", "Imu", "NavSatFix", "JointState", "BatteryState", "Range",
     "Joy", "MagneticField", "FluidPressure", "Temperature", "RelativeHumidity", "MultiEchoLaserScan", "CameraInfo",
 )})  # fmt: skip
-"""Types of messages that devices make: of odometry, wheels do, unless its node hears what it fuses."""
+"""Types of messages from devices: odometry comes from wheels, unless its node hears what it fuses."""
 PLUMBING: Final = ("/rosout", "/parameter_events", "/clock", "/tf", "/tf_static", "/diagnostics", "/bond")
-"""Topics that say nothing of what a node does."""
+"""Topics that reveal nothing about a node's function."""
 HABITS: Final = (
     (r"velocity_smoother", "smooths the commands behind the collector, and would jerk if it began anew"),
     (r"collision_monitor", "is the last before the wheels; a link must not stand between them"),
@@ -44,7 +44,7 @@ HABITS: Final = (
 
 
 class Kind(Enum):
-    """What can become of a node."""
+    """The possible placements of a node."""
 
     OURS = "ours"
     BOUND = "bound"
@@ -53,7 +53,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """What can become of a node, and why."""
+    """A node's possible placement, and why."""
 
     kind: Kind
     reason: str = ""

@@ -1,4 +1,4 @@
-"""A graph together with what is known and decided about its nodes: what the rest of a proposal is made from."""
+"""A graph with all that is known and decided about its nodes: the source of the rest of a proposal."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robot_offload.survey.snapshot import GraphSnapshot, NodeSeen, TopicSeen
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What a proposal is made from.
+    """The source of a proposal.
 
     Attributes:
-        graph, owned, roles: what was seen.
+        graph, owned, roles: as seen.
         namespace: of the robot.
         moved: full name of a node -> Duplicated or Cloud; all others stay on the robot.
-        folder: where the file will lie; empty: unknown.
+        folder: of the future file; empty: unknown.
     """
 
     graph: GraphSnapshot
@@ -50,14 +50,14 @@ class World:
         return found
 
     def core(self, node: str) -> bool:
-        """Return whether a node that leaves commands what moves the robot."""
+        """Return whether a leaving node commands what moves the robot."""
         if self.moved.get(node) != "Duplicated":
             return False
         commands = [it for it in self.graph.topics if it.type in COMMANDS and node in self.publishers(it)]
         return any(set(self.subscribers(it)) - set(self.moved) for it in commands)
 
     def neighbours(self) -> set[str]:
-        """Return the nodes on the robot that share a topic with one that leaves."""
+        """Return the robot's nodes that share a topic with a leaving one."""
         found: set[str] = set()
         for topic in self.graph.topics:
             ends = {*self.publishers(topic), *self.subscribers(topic)}

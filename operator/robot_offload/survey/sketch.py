@@ -1,4 +1,4 @@
-"""A RobotOffload that is being proposed: its values, each with a word for the person who reads the file."""
+"""A proposed RobotOffload: its values, each with a comment for the reader of the file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LISTS: Final = ("outputs", "services", "actions", "state")
 
 @dataclass(slots=True)
 class Entry:
-    """One entry of a list, and what to say about it."""
+    """One entry of a list, with its comment."""
 
     value: dict[str, Any]
     note: str = ""
@@ -37,7 +37,7 @@ class NodeSketch:
     uses: dict[str, list[Entry]] = field(default_factory=lambda: {"services": [], "actions": []})
 
     def values(self) -> dict[str, Any]:
-        """Return the node as the resource has it."""
+        """Return the node in the resource's form."""
         lists = {name: [it.value for it in entries] for name, entries in self.lists.items() if entries}
         uses = {name: [it.value for it in entries] for name, entries in self.uses.items() if entries}
         return {"name": self.name, "placement": self.placement, **self.fields, **lists,
@@ -51,7 +51,7 @@ class Sketch:
     Attributes:
         head: lines at its beginning.
         spec: plain blocks of the spec in their order: robot, cloud, transport, driver, switching.
-        notes: block -> what to say about it.
+        notes: block -> its comment.
         left_out: lines at its end.
     """
 
@@ -79,6 +79,6 @@ class Sketch:
 
 
 def plain(text: str) -> str:
-    """Return foreign text as it may stand in a comment: one line, ASCII, no longer than a name can be."""
+    """Return foreign text in a form for a comment: one line, ASCII, no longer than a name can be."""
     shown = ascii(text)[1:-1].replace("#", "")
     return shown if len(shown) <= 100 else f"{shown[:96]}..."

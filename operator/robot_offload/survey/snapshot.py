@@ -1,7 +1,7 @@
-"""What was seen of a running ROS graph: plain values, read from JSON and written to it.
+"""An observed ROS graph: plain values, read from JSON and written to it.
 
-Parsed at the border: whatever a file holds, what leaves this module has the right types and bounded sizes. Names are
-kept as they are; whether the resource takes them is judged where the resource is proposed.
+Parsed at the border: whatever a file holds, this module's results have the right types and bounded sizes. Names are
+kept unchanged; whether the resource accepts them is judged where the resource is proposed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_offload.errors import InputError
 
 VERSION: Final = 1
 MOST: Final = 10_000
-"""Of anything in one list; a graph of more is no robot."""
+"""Maximum length of each list; a larger graph is not a robot's."""
 _Name = Annotated[str, Field(max_length=1024)]
 _Names = Annotated[tuple[_Name, ...], Field(max_length=MOST)]
 _Number = Annotated[float, Field(ge=0, le=1e15, allow_inf_nan=False)]

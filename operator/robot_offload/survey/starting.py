@@ -1,4 +1,4 @@
-"""How a node is started, and what it needs: from its process, where that was found."""
+"""How a node is started, and what it needs: from its process, if that was found."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MEBIBYTE: Final = 1024 * 1024
 
 
 def add_to(sketch: NodeSketch, world: World, node: NodeSeen) -> None:
-    """Add what a node's process says: its program, remappings, parameters, processor time and memory."""
+    """Add what the node's process shows: its program, remappings, parameters, processor time and memory."""
     process = world.owned.process.get(node.name)
     given: dict[str, Any] = {}
     if process is None:
@@ -83,16 +83,16 @@ def _add_run(sketch: NodeSketch, process: ProcessSeen, given: dict[str, Any], fo
 
 
 def _word(word: str, at: int, started_in: str, folder: str) -> str:
-    """Return a word of a command: an interpreter by its own name, a script by a path that holds for the file."""
+    """Return a word of a command: an interpreter by its own name, a script by a path valid for the file."""
     if at > 0 and _SCRIPT.fullmatch(word) and started_in not in ("", folder):
         return str(PurePosixPath(started_in, word))
     return "python3" if at == 0 and re.fullmatch(r"(.*/)?python[0-9.]*", word) else word
 
 
 def _given_parameters(node: NodeSeen, process: ProcessSeen) -> dict[str, Any]:
-    """Return the parameters that the node was started with, with the values that it has now.
+    """Return the parameters with which the node was started, with their present values.
 
-    These differ from its defaults, or could; ROS 2 itself does not say what a default is.
+    They differ from its defaults, or could; ROS 2 itself does not report defaults.
     """
     _, arguments = ros_arguments(process)
     names = {it.partition(":=")[0].rpartition(":")[2] for kind, it in arguments if kind == "param"}

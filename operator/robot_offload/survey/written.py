@@ -1,4 +1,4 @@
-"""A sketch as YAML text that a person reads and edits: one line an entry, with its comment beside it."""
+"""A sketch as YAML text for a person to read and edit: one line an entry, with its comment beside it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_offload.survey.sketch import Entry, NodeSketch, Sketch
 WIDTH: Final = 116
 _PLAIN: Final = re.compile(r"[A-Za-z/_][A-Za-z0-9_/.~-]*|[0-9]+(ms|s|m|h|Mi)")
 _WORDS: Final = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null", "~"})
-"""What a reader of YAML 1.1 takes for something else than text."""
+"""Words that a reader of YAML 1.1 does not take for text."""
 
 
 def written(sketch: Sketch) -> str:

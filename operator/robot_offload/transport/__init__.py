@@ -1,6 +1,6 @@
 """The ways of connecting robot and cloud, one module each. Pure: no I/O, no clock, no environment.
 
-`of(spec)` is the transport of a specification; what it must offer stands in `base`.
+`of(spec)` is the transport of a specification; `base` defines what it must offer.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ _TRANSPORTS: Final[dict[TransportType, Transport]] = {
 
 
 def of(spec: RobotOffloadSpec) -> Transport:
-    """Return the transport that a specification asks for."""
+    """Return the transport of a specification."""
     return _TRANSPORTS[spec.transport.type]
 
 
 def agent_ports(offload: RobotOffload) -> tuple[ContainerPort, ...]:
-    """Return what the cloud's agent listens on for the robot: one port for each address that the robot needs."""
+    """Return the ports on which the cloud's agent listens for the robot: one for each address that the robot needs."""
     chosen = of(offload.spec)
     wanted = chosen.purposes(offload)
     return tuple(port for port in chosen.traits.agent_ports if port.name in wanted)
@@ -57,25 +57,25 @@ def discovery_servers(spec: RobotOffloadSpec) -> int:
 
 
 def needs_certificates(spec: RobotOffloadSpec) -> bool:
-    """Return whether something in the cloud proves with a certificate who it is."""
+    """Return whether something in the cloud identifies itself with a certificate."""
     return spec.transport.type in ("Zenoh", "DDSRouter")
 
 
 def observed_endpoints(
     offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
 ) -> tuple[Endpoint, ...]:
-    """Return where the robot reaches the cloud, as far as the cluster has said so yet.
+    """Return the addresses at which the robot reaches the cloud, as far as the cluster has assigned them.
 
     Args:
-        offload: whose endpoints are wanted.
-        services: the Services of its namespace as they are now, with their status; others are left alone.
-        nodes: the cluster's nodes; only looked at for Services of type NodePort.
+        offload: owner of the endpoints.
+        services: the Services of its namespace as they are now, with their status; others are ignored.
+        nodes: the cluster's nodes; only used for Services of type NodePort.
     """
     return of(offload.spec).observed_endpoints(offload, services, nodes)
 
 
 def missing_purposes(offload: RobotOffload, endpoints: Sequence[Endpoint]) -> tuple[Purpose, ...]:
-    """Return for what the robot needs an address that is not known yet."""
+    """Return the purposes for which the robot needs an address that is not yet known."""
     wanted = Counter(of(offload.spec).purposes(offload))
     known = Counter(endpoint.purpose for endpoint in endpoints)
     return tuple(purpose for purpose, count in wanted.items() if known[purpose] < count)

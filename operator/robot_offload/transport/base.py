@@ -1,7 +1,7 @@
-"""What a transport is: the one place that knows how the two sides meet, on all levels. Everything is pure.
+"""The interface of a transport: the one place that knows how the two sides meet, on all levels. Everything is pure.
 
-The defaults are those of most transports: nothing is exposed, the agents talk in topics, and nodes in the cluster find
-each other through discovery servers.
+The defaults are those of most transports: nothing is exposed, the agents talk through topics, and nodes in the cluster
+find each other through discovery servers.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _SESSIONS: Final = ("pulse_endpoints", "data_endpoints", "pulse_fallback", "data
 
 
 class Transport:
-    """One way of joining the two sides.
+    """One way of connecting the two sides.
 
     Attributes:
-        traits: what the rest of rendering must know of it.
+        traits: what the rest of rendering must know about it.
     """
 
     traits: ClassVar[Traits] = Traits()
@@ -38,11 +38,11 @@ class Transport:
         return discovery.services(parent) if self.traits.by_discovery_servers else ()
 
     def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return what runs in the cloud for this transport, and its configuration."""
+        """Return the cloud's workloads for this transport, and their configuration."""
         return discovery.stateful_sets(parent) if self.traits.by_discovery_servers else ()
 
     def policies(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the network policies of what `workloads` returns, beside those of every transport."""
+        """Return the network policies for the objects of `workloads`, beside those of every transport."""
         return ()
 
     def node_environment(self, parent: Parent) -> dict[str, str]:
@@ -50,13 +50,13 @@ class Transport:
         return discovery.environment(parent.facts) if self.traits.by_discovery_servers else {}
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Return the environment of nodes and agent on the robot; empty: they find each other as they always did."""
+        """Return the environment of nodes and agent on the robot; empty: discovery is unchanged."""
         return {}
 
     def robot_files(
         self, offload: RobotOffload, endpoints: Sequence[Endpoint], folder: str, state_dir: str
     ) -> Mapping[str, bytes]:
-        """Return files of the bundle beside those of every transport; it lies in `folder` on the robot."""
+        """Return the bundle's files beside those of every transport; it will be in `folder` on the robot."""
         return {}
 
     def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
@@ -66,5 +66,5 @@ class Transport:
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Return where the robot reaches the cloud, as far as the cluster has said so yet."""
+        """Return the addresses at which the robot reaches the cloud, as far as the cluster has assigned them."""
         return ()

@@ -1,7 +1,7 @@
-"""Which topics cross between the two sides where they talk in topics: exactly the declared ones and the agents' own.
+"""The topics that cross between sides that talk through topics: exactly the declared ones and the agents' own.
 
-Raw topics cross towards the cloud only. What the cloud's nodes publish travels to the robot in the agents' envelopes,
-so towards the robot there are the cloud's agent's own topics and nothing else.
+Raw topics cross only towards the cloud. Messages of the cloud's nodes travel to the robot in the agents' envelopes, so
+towards the robot there are only the topics of the cloud's agent.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def to_cloud(spec: RobotOffloadSpec) -> tuple[str, ...]:
 
 
 def _agents(spec: RobotOffloadSpec, side: str) -> Iterator[tuple[str, str]]:
-    """Yield what the agent of a side sends on its link over DDS."""
+    """Yield the topics that a side's agent sends on its link over DDS."""
     yield _BEATS[side], _BEAT_TYPE
     yield f"/offload/link/{side}/probe", _FRAME_TYPE
     yield f"/offload/link/{side}/report", _FRAME_TYPE

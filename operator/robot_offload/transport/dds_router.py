@@ -1,7 +1,7 @@
 """DDSRouter: a DDS Router on each side, joined by a tunnel that the robot opens.
 
-The routers talk plain TCP over the loopback interface to the tunnel beside them, the tunnel is one TCP connection with
-TLS on which both sides prove who they are. The routers' files hold no address of the cloud.
+The routers talk plain TCP over the loopback interface to the tunnel beside them. The tunnel is one TCP connection with
+mutual TLS. The routers' files contain no address of the cloud.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def robot_config(offload: RobotOffload) -> dict[str, Any]:
     """Return the configuration of the router on the robot."""
     block = offload.spec.transport.dds_router
     domain = offload.spec.robot.domain_id if block.domain_id is None else block.domain_id
-    # Without shared memory: the router may be in a container, or of another version of Fast DDS than the nodes.
+    # Without shared memory: the router may be in a container, or use another version of Fast DDS than the nodes.
     local = {"name": router.ROBOT, "kind": "local", "domain": domain, "transport": "udp"}
     return configuration(offload, local, dds_router_xml.profile())
 
@@ -56,8 +56,8 @@ def configuration(offload: RobotOffload, local: Mapping[str, Any], xml: str) -> 
     """Return the configuration of a router.
 
     Args:
-        offload: says what crosses.
-        local: the participant for the nodes of this side; its name says which side this is.
+        offload: declares what crosses.
+        local: the participant for the nodes of this side; its name identifies this side.
         xml: the profile of the participant for the other side.
     """
     spec = offload.spec
@@ -78,7 +78,7 @@ def _deployment(parent: Parent, read: str) -> Manifest:
         "router",
         parent.facts.images.router,
         ["ddsrouter", "-c", f"{CONFIG_DIR}/{CONFIG_KEY}"],
-        # Nothing of ROS: the router unsets some of these variables itself and stumbles over others.
+        # Without ROS variables: the router unsets some of them itself and stumbles over others.
         environment={"HOME": pod.TMP, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"},
         mounts=mounts,
         resources={"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "512Mi"}},
@@ -100,7 +100,7 @@ def _deployment(parent: Parent, read: str) -> Manifest:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes texts of many lines as blocks."""
+    """Writes multi-line texts as blocks."""
 
 
 def _block(dumper: _Dumper, text: str) -> yaml.ScalarNode:
@@ -116,7 +116,7 @@ def text(document: Mapping[str, Any]) -> str:
 
 
 class DDSRouter(Transport):
-    """Joins the sides by a DDS Router on each."""
+    """Connects the sides with a DDS Router on each."""
 
     traits: ClassVar[Traits] = Traits()
 
@@ -132,7 +132,7 @@ class DDSRouter(Transport):
         return (*super().services(parent), service(parent, _part(parent), exposed))
 
     def workloads(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the discovery servers, and the router as soon as their addresses are known."""
+        """Return the discovery servers, and the router once their addresses are known."""
         servers = super().workloads(parent)
         if not parent.facts.discovery_hosts:
             return servers
@@ -147,7 +147,7 @@ class DDSRouter(Transport):
         )
 
     def policies(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the router's: the robot may come, and it may talk to nodes and discovery servers."""
+        """Return the router's policy: open to the robot, and from it to nodes and discovery servers."""
         incoming, outgoing = rules.dds_both_ways(parent.offload, robot=False)
         servers = rules.going_to(
             selector(parent.offload, "discovery"), rules.port(discovery.PORT.protocol, discovery.PORT.number)
@@ -166,7 +166,7 @@ class DDSRouter(Transport):
     ) -> Mapping[str, bytes]:
         """Return the configurations of the router and of the tunnel on the robot."""
         addresses = [one for one in endpoints if one.purpose == "router"]
-        # Without a declared name the address may change; the authority serves this robot alone and is enough.
+        # Without a declared name the address may change; an authority for this robot alone is enough.
         named = offload.spec.transport.expose.host is not None
         dialled = tunnel.on_the_robot(addresses, f"{folder}/certificates", state_dir, verify_name=named)
         return {ROBOT_FILE: text(robot_config(offload)).encode(), tunnel.FILE: text(dialled).encode()}
@@ -174,6 +174,6 @@ class DDSRouter(Transport):
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Return the addresses of the tunnel; on node ports several, which the robot tries one after the other."""
+        """Return the addresses of the tunnel; with node ports several, which the robot tries in turn."""
         found = addresses(offload, services, nodes, _name(offload), tunnel.PORT.name)
         return tuple(Endpoint("router", "TCP", host, port) for host, port in found)

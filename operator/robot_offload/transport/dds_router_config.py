@@ -1,10 +1,10 @@
 """Configurations of eProsima's DDS Router, version v5.0, and our own check of them.
 
-The router ignores keys that it does not know, so a misspelt one would be lost in silence; its own validator knows an
-old version only. What it reads stands in the tables below (from the sources of DDS Router 3.4.0 and DDS-Pipe 1.4.0).
+The router ignores unknown keys, so a misspelt one would be lost silently; its own validator knows only an old version.
+The tables below list what it reads (from the sources of DDS Router 3.4.0 and DDS-Pipe 1.4.0).
 
-Every topic has one direction. Without routes the router makes a writer and a reader for each allowed topic on both
-sides: what anybody publishes in the cloud under a public name would reach the robot's nodes past the lease.
+Every topic has one direction. Without routes the router creates a writer and a reader for each allowed topic on both
+sides: messages published in the cloud under a public name would reach the robot's nodes past the lease.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ _MAX_DOMAIN: Final = 232
 
 
 class RouterConfigError(RobotOffloadError):
-    """A configuration that the router would refuse or, worse, read otherwise than it is meant."""
+    """A configuration that the router would refuse or, worse, misread."""
 
 
 def address(host: str, port: int, transport: str) -> dict[str, Any]:
-    """Return an address as the router reads it.
+    """Return an address in the router's form.
 
     Args:
         host: an IP address.
-        port: where somebody listens.
+        port: of the listener.
         transport: `udp` or `tcp`.
     """
     result: dict[str, Any] = {"ip": host, "port": port, "transport": transport}
@@ -54,20 +54,20 @@ def config(
     """Return a whole configuration: one participant for the nodes of this side, one for the other side.
 
     Args:
-        local: the participant for the nodes of this side; its name says which side this is.
+        local: the participant for the nodes of this side; its name identifies this side.
         profile: the name of the other participant's profile.
         xml: profiles of Fast DDS.
-        to_cloud: topics that cross towards the cloud, whatever their types.
-        to_robot: topics that cross towards the robot, and their types: a route of its own needs a topic's type.
+        to_cloud: topics that cross towards the cloud, of any type.
+        to_robot: topics that cross towards the robot, with their types: a separate route needs a topic's type.
 
     Raises:
-        RouterConfigError: it is not one that the router reads as it is meant.
+        RouterConfigError: the router would misread it.
     """
     here = str(local["name"])
     source, target = (here, WAN) if here == ROBOT else (WAN, here)
     result = {
         "version": VERSION,
-        # By its writers: a reader of ours waits for somebody who publishes, and a late reader still gets what is kept.
+        # By its writers: our reader waits for a publisher, and a late reader still gets the kept messages.
         "specs": {"threads": THREADS, "discovery-trigger": "writer", "logging": {"verbosity": "warning"}},
         "allowlist": [{"name": dds_name(topic)} for topic in (*to_cloud, *to_robot)],
         "routes": _one_way(source, target),
@@ -85,12 +85,12 @@ def config(
 
 
 def dds_name(topic: str) -> str:
-    """Return a topic's name as DDS knows it: `/scan` -> `rt/scan`."""
+    """Return a topic's name in DDS: `/scan` -> `rt/scan`."""
     return f"rt{topic}"
 
 
 def dds_type(interface: str) -> str:
-    """Return a type's name as DDS knows it: `std_msgs/msg/Header` -> `std_msgs::msg::dds_::Header_`."""
+    """Return a type's name in DDS: `std_msgs/msg/Header` -> `std_msgs::msg::dds_::Header_`."""
     package, kind, name = interface.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
@@ -101,7 +101,7 @@ def _one_way(source: str, target: str) -> list[dict[str, Any]]:
 
 
 def problems(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what is wrong with a configuration, one line each."""
+    """Return the problems of a configuration, one line each."""
     return tuple(_problems(document))
 
 

@@ -1,7 +1,7 @@
-"""The router's participant for the other side, as a profile of Fast DDS: what its YAML cannot say.
+"""The router's participant for the other side, as a profile of Fast DDS, for settings that its YAML lacks.
 
 Plain TCP over the loopback interface to the end of the tunnel on the same host (see `tunnel`), without Nagle's
-algorithm: with it small messages wait for the acknowledgement of those before, which doubles the latency.
+algorithm: it would make small messages wait for the acknowledgement of earlier ones, which doubles the latency.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from xml.etree import ElementTree
 PROFILE: Final = "wan"
 HOST: Final = "127.0.0.1"
 """Where routers and tunnels meet, and the only address that they announce. Fast DDS finds the connection to a
-participant by the address that the participant has announced, which must be the one from which it dials: on an outside
-interface both change with the network, and a router that started without one would be unreachable for ever."""
+participant by its announced address, which must be the one from which it dials: on an outside interface both change
+with the network, and a router that started without one would be unreachable for ever."""
 MEETING: Final = 11667
-"""The port where the robot's router dials, and which the cloud's router announces: the robot's router keeps to the
-connection that leads to the announced address. On the robot the tunnel waits there."""
+"""The port that the robot's router dials and the cloud's router announces: the robot's router keeps to the connection
+that leads to the announced address. On the robot the tunnel listens there."""
 LISTENING: Final = 11668
-"""The port where the cloud's router waits for the tunnel; nobody outside the pod reaches it."""
+"""The port on which the cloud's router waits for the tunnel; it is unreachable from outside the pod."""
 NAMESPACE: Final = "http://www.eprosima.com"
 _ANNOUNCED_EVERY_S: Final = 1
 _LOST_AFTER_S: Final = 10
 _RECOVERED_EVERY_MS: Final = 100
-"""How often a reliable writer says what it has sent while that is not acknowledged. What a cut swallowed is asked for
-again only then, and what comes later waits for it; Fast DDS's own 3 s kept inputs stale for as long after a cut."""
+"""How often a reliable writer announces unacknowledged messages. Only then are those lost in a cut requested again, and
+later messages wait for them; with Fast DDS's own 3 s, inputs stayed stale for as long after a cut."""
 
 
 def profile(*, listening: int = 0, meeting: int = MEETING) -> str:
     """Return the XML document.
 
     Args:
-        listening: the port where this router waits for the other one; 0: it dials, as the robot's does.
-        meeting: the port that is dialled and announced; another one only where both sides run on one machine.
+        listening: the port on which this router waits for the other one; 0: it dials, as the robot's does.
+        meeting: the dialled and announced port; another one only if both sides run on one machine.
     """
     root = ElementTree.Element("dds", xmlns=NAMESPACE)
     profiles = _add(root, "profiles")

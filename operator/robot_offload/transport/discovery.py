@@ -3,9 +3,9 @@
 One StatefulSet and one Service per server id, never replicas behind one Service: two servers must not share an
 identity, and a participant knows them by their place in the list.
 
-Participants are given the addresses of the Services, not their names: Fast DDS resolves a name once, when a participant
-starts, and forgets the whole list when one name is not known at that moment. A name server that was asked just before a
-Service came says for some seconds that there is none.
+Participants get the addresses of the Services, not their names: Fast DDS resolves a name once, when a participant
+starts, and drops the whole list if one name is unknown at that moment. A name server that was asked just before a
+Service was created denies it for some seconds.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from robot_offload.transport.port import ContainerPort
 
 PORT: Final = ContainerPort("discovery", "UDP", 11811)
 FOUND_AT_ONCE: Final = {"publishNotReadyAddresses": True}
-"""Of a server's Service. While a Service leads nowhere, what participants keep sending to it may be remembered on its
-way (connection tracking) as leading nowhere, and they do not reach the server when it comes back."""
+"""Of a server's Service. While a Service has no endpoint, connection tracking may record participants' repeated packets
+as undeliverable, and they would then not reach the server when it returns."""
 GONE_S: Final = 6
-"""How long a server that ends stays away (images/discovery/start): longer than participants believe in it."""
+"""How long an ending server stays away (images/discovery/start): longer than participants keep it alive."""
 SETTLED_S: Final = 5
-"""Seconds in which participants find a server again that has returned (they ask each 0.45 s) and tell it all."""
+"""Seconds in which participants find a returned server again (they ask each 0.45 s) and send it everything."""
 SERVER_LABEL: Final = "robotoffload.dev/discovery-server"
 
 
@@ -42,11 +42,11 @@ def names(offload: RobotOffload) -> tuple[str, ...]:
 
 
 def hosts(offload: RobotOffload, services: Iterable[Manifest]) -> tuple[str, ...]:
-    """Return the addresses of the servers' Services in the cluster, by the servers' ids; empty: not all are known yet.
+    """Return the addresses of the servers' Services in the cluster, by the servers' ids; empty: some are not known yet.
 
     Args:
-        offload: whose servers.
-        services: its own ones, as they are in the cluster.
+        offload: owner of the servers.
+        services: its own, as they are in the cluster.
     """
     by_name = {one["metadata"]["name"]: (one.get("spec") or {}).get("clusterIP") or "" for one in services}
     found = tuple(by_name.get(name, "") for name in names(offload))
@@ -54,22 +54,22 @@ def hosts(offload: RobotOffload, services: Iterable[Manifest]) -> tuple[str, ...
 
 
 def environment(facts: Facts) -> dict[str, str]:
-    """Return environment of a participant that finds others through the servers."""
+    """Return the environment of a participant that uses the servers for discovery."""
     return {"ROS_DISCOVERY_SERVER": ";".join(address(host, PORT.number) for host in facts.discovery_hosts)}
 
 
 def part(server: int, name: str) -> Part:
-    """Return the part that a server is: each has a pod of its own."""
+    """Return the part of a server: each has its own pod."""
     return Part(name, "discovery", {SERVER_LABEL: str(server)})
 
 
 def services(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the Services inside the cluster, for the transports that show them to nobody else."""
+    """Return the Services for use inside the cluster, for transports that do not expose the servers."""
     return tuple(_service(parent, part(server, name)) for server, name in enumerate(names(parent.offload)))
 
 
 def stateful_sets(parent: Parent) -> tuple[Manifest, ...]:
-    """Return the servers. They never go to zero."""
+    """Return the servers. They are never scaled to zero."""
     return tuple(_stateful_set(parent, server, name) for server, name in enumerate(names(parent.offload)))
 
 
@@ -89,7 +89,7 @@ def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
         resources={"requests": {"cpu": "20m", "memory": "32Mi"}, "limits": {"memory": "256Mi"}},
         extra={
             "ports": [{"name": PORT.name, "containerPort": PORT.number, "protocol": PORT.protocol}],
-            # It answers DDS only; that it has opened its port is what can be seen from outside.
+            # It answers only DDS; from outside, only its open port can be seen.
             "readinessProbe": pod.listens(PORT.number, "udp"),
         },
     )
@@ -113,7 +113,7 @@ def _stateful_set(parent: Parent, server: int, name: str) -> Manifest:
 
 
 def _apart(offload: RobotOffload) -> Manifest:
-    """Return the servers of one robot on different nodes where there are some, so that they do not fail together."""
+    """Return a preference for different nodes for one robot's servers, so that they do not fail together."""
     term = {
         "topologyKey": "kubernetes.io/hostname",
         "labelSelector": {"matchLabels": selector(offload, "discovery")},

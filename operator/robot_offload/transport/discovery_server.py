@@ -1,7 +1,7 @@
 """DiscoveryServer: nodes on both sides talk directly and find each other through the cloud's discovery servers.
 
-For networks that carry UDP both ways between the robot and the pods, such as a VPN: only finding each other goes
-through the Services, the messages go to the pods' own addresses.
+For networks with UDP both ways between the robot and the pods, such as a VPN: only discovery goes through the Services,
+messages go to the pods' own addresses.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class DiscoveryServer(Transport):
     traits: ClassVar[Traits] = Traits(robot_speaks_dds=True)
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Return every server: a participant knows them by their place in the list."""
+        """Return all servers: a participant knows them by their place in the list."""
         return tuple("discovery" for _ in range(offload.spec.cloud.discovery_servers))
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
-        """Return the servers' Services, of the declared type; nodes in the cluster use the same ones."""
+        """Return the servers' Services, of the declared type; nodes in the cluster also use them."""
         chosen = parent.spec.transport.expose.node_ports
         first = chosen.discovery if chosen else None
         return tuple(
@@ -43,14 +43,14 @@ class DiscoveryServer(Transport):
         )
 
     def robot_environment(self, offload: RobotOffload, endpoints: Sequence[Endpoint]) -> dict[str, str]:
-        """Return the servers as the robot reaches them; without shared memory, as in the cloud."""
+        """Return the servers' addresses for the robot; without shared memory, as in the cloud."""
         servers = [endpoint.address for endpoint in endpoints if endpoint.purpose == "discovery"]
         return {"ROS_DISCOVERY_SERVER": ";".join(servers), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
 
     def observed_endpoints(
         self, offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest]
     ) -> tuple[Endpoint, ...]:
-        """Return one address of each server, by id; none before all are known, because places count."""
+        """Return one address of each server, by id; none before all are known, because their order counts."""
         found = [addresses(offload, services, nodes, name, discovery.PORT.name) for name in discovery.names(offload)]
         if not all(found):
             return ()

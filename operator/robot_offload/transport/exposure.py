@@ -1,4 +1,4 @@
-"""Services through which the robot reaches the cloud, and the addresses that the cluster then gives them."""
+"""Services through which the robot reaches the cloud, and the addresses that the cluster assigns to them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_offload.objects.parent import Parent, Part
 from robot_offload.transport.port import ContainerPort
 
 MAX_NODE_ADDRESSES: Final = 3
-"""Of the cluster's nodes that a robot is told for a NodePort: enough that one may be gone."""
+"""Maximum of cluster node addresses for a robot with a NodePort: enough that one may fail."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Exposed:
     """One port of a Service.
 
     Attributes:
-        target: where it leads to.
+        target: its container port.
         port: on the Service.
         node_port: on every node of the cluster; None: the cluster chooses.
     """
@@ -37,7 +37,7 @@ def service(
     ports: Sequence[Exposed],
     extra: Manifest | None = None,
 ) -> Manifest:
-    """Return a Service of the declared type. One protocol each: many load balancers refuse mixed ones."""
+    """Return a Service of the declared type. One protocol each: many load balancers refuse a mix."""
     expose = parent.spec.transport.expose
     spec: Manifest = {
         "type": expose.type,
@@ -72,10 +72,10 @@ def _port(exposed: Exposed, *, with_node_port: bool) -> Manifest:
 def addresses(
     offload: RobotOffload, services: Sequence[Manifest], nodes: Sequence[Manifest], name: str, port: str
 ) -> tuple[tuple[str, int], ...]:
-    """Return hosts and ports under which one port of a Service is reached from outside; empty: not known yet.
+    """Return hosts and ports at which one port of a Service is reached from outside; empty: not known yet.
 
     Args:
-        offload: says the type and the declared host.
+        offload: with the type and the declared host.
         services: as they are in the cluster.
         nodes: the cluster's nodes.
         name: of the Service.
@@ -91,7 +91,7 @@ def addresses(
         hosts = [expose.host] if expose.host else list(_node_hosts(nodes))[:MAX_NODE_ADDRESSES]
         return tuple((host, int(number)) for host in hosts) if number else ()
     host = expose.host or _service_host(live)
-    # A declared name may lead anywhere, but as long as the load balancer has no address nothing answers there.
+    # A declared name may lead anywhere, but nothing answers there until the load balancer has an address.
     known = host and (expose.type == "ClusterIP" or _ingress(live))
     return ((host, int(found["port"])),) if host and known else ()
 
@@ -114,12 +114,12 @@ def _ingress(service: Manifest) -> str | None:
 
 
 def is_ipv6(host: str) -> bool:
-    """Return whether a host is an IPv6 address: what runs in the cloud listens on IPv4 only."""
+    """Return whether a host is an IPv6 address: the cloud's programs listen only on IPv4."""
     return ":" in host
 
 
 def _node_hosts(nodes: Sequence[Manifest]) -> Iterator[str]:
-    """Yield one address of each node that is ready, the outside one if it has one, in the order of the nodes' names."""
+    """Yield one address of each ready node, the external one if it has one, in the order of the nodes' names."""
     for node in sorted(nodes, key=lambda one: str(one["metadata"]["name"])):
         status = node.get("status") or {}
         ready = any(c.get("type") == "Ready" and c.get("status") == "True" for c in status.get("conditions") or ())

@@ -1,4 +1,4 @@
-"""What the rest of rendering knows of a transport: its ports and its traits."""
+"""The transport's interface for the rest of rendering: its ports and its traits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ IpProtocol = Literal["UDP", "TCP"]
 
 @dataclass(frozen=True, slots=True)
 class ContainerPort:
-    """A port on which something of ours listens inside its pod; constant, whatever the resource says.
+    """A port on which one of our programs listens inside its pod; independent of the resource.
 
     Attributes:
         name: by which Services find it.
@@ -25,11 +25,11 @@ class ContainerPort:
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """What the rest of rendering must know of a transport.
+    """The facts about a transport for the rest of rendering.
 
     Attributes:
-        agent_ports: what the cloud's agent listens on for the robot.
-        agent_needs_certificates: whether the cloud's agent proves who it is.
+        agent_ports: the ports on which the cloud's agent listens for the robot.
+        agent_needs_certificates: whether the cloud's agent identifies itself.
         by_discovery_servers: whether nodes in the cluster find each other through discovery servers.
         robot_speaks_dds: whether nodes on both sides talk directly, so that the robot's own addresses must pass.
         dds_profile: an XML profile of Fast DDS for every participant in the cloud; empty: none.

@@ -1,8 +1,8 @@
-"""StaticPeers: nodes on both sides talk directly, and each side is told the other's addresses.
+"""StaticPeers: nodes on both sides talk directly, and each side gets the other's addresses.
 
-For a flat network without multicast between the two sides, and for tests. Nothing runs in the cloud for it, no
-discovery server either: those and listed peers exclude each other in Fast DDS. Inside the cluster the pods find each
-other by multicast, where its network carries it, or because they are listed.
+For a flat network without multicast between the two sides, and for tests. It runs nothing in the cloud, not even a
+discovery server: Fast DDS does not combine those with listed peers. Inside the cluster the pods find each other by
+multicast, if its network carries it, or because they are listed.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _PROFILE: Final = """\
   </profiles>
 </dds>
 """
-"""A listed address has no port, and Fast DDS asks the first four participants there. A robot has more of them: the
-agent alone is four. UDP alone, as in all pods."""
+"""A listed address has no port, so Fast DDS asks the first four participants there. A robot has more: the agent alone
+is four. UDP alone, as in all pods."""
 
 
 def _environment(peers: Sequence[str]) -> dict[str, str]:
-    # The range is said although it is the default: with OFF the listed peers would be left alone too.
+    # The default range is written out: with OFF the listed peers would be ignored, too.
     listed = {"ROS_STATIC_PEERS": ";".join(peers)} if peers else {}
     return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", **listed}
 
@@ -52,7 +52,7 @@ class StaticPeers(Transport):
     traits: ClassVar[Traits] = Traits(by_discovery_servers=False, robot_speaks_dds=True, dds_profile=_PROFILE)
 
     def node_environment(self, parent: Parent) -> dict[str, str]:
-        """Return the robot's addresses, and those of the cloud itself."""
+        """Return the robot's addresses, and the cloud's own."""
         block = parent.spec.transport.static_peers
         return _environment((*block.robot, *block.cloud))
 

@@ -1,8 +1,8 @@
 """The tunnel between the two DDS Routers: the agent package's `robot-offload-tunnel`, one end on each side.
 
-The router itself can neither ask the robot who it is nor bear strangers: it takes one TLS handshake after the other,
-without a time limit, and a probe or a scan of its port holds up everything that it carries. So only the tunnel is
-reached from outside. Its file is read by `robot_offload_agent.tunnel.configuration`.
+The router itself can neither authenticate the robot nor cope with strangers: it handles one TLS handshake after the
+other, without a time limit, so a probe or a scan of its port delays all its traffic. So only the tunnel is reachable
+from outside. Its file is read by `robot_offload_agent.tunnel.configuration`.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ PROGRAM: Final = "robot-offload-tunnel"
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """With what an end of the tunnel proves who it is, and whom it trusts.
+    """The credentials of an end of the tunnel, and whom it trusts.
 
     Attributes:
         ca: PEM file of the authority of the other side.
         certificate: PEM file of this side's certificate.
         private_key: PEM file of its key.
-        own: folder with a newer pair, once there is one; empty: none ever.
+        own: folder for a newer pair, which may come later; empty: there is never one.
     """
 
     ca: str
@@ -43,7 +43,7 @@ def cloud_end(listen: str, router: str, proof: Proof, robot: str) -> dict[str, A
     """Return the file of the cloud's end, which waits for the robot and then goes to the router beside it.
 
     Args:
-        listen: HOST:PORT that the robot reaches.
+        listen: HOST:PORT for the robot.
         router: HOST:PORT of the router.
         proof: the cloud's files.
         robot: the robot's name in its certificate; an issuer may sign for many robots.
@@ -58,11 +58,11 @@ def robot_end(
     """Return the file of the robot's end, which waits for the router beside it and then dials the cloud.
 
     Args:
-        listen: HOST:PORT that the router dials.
+        listen: HOST:PORT for the router.
         connect: HOST:PORT of the cloud's end, tried in this order.
         proof: the robot's files.
-        verify_name: whether the cloud's certificate must carry the dialled name.
-        realtime: whether real-time priority is asked for.
+        verify_name: whether the cloud's certificate must contain the dialled name.
+        realtime: whether to request real-time priority.
     """
     return {
         "side": "robot",
@@ -78,7 +78,7 @@ def in_the_cloud(robot: str) -> dict[str, Any]:
     """Return the file of the cloud's end in its pod."""
     folder = pod.CERTIFICATES_DIR
     return cloud_end(
-        address("0.0.0.0", PORT.number),  # noqa: S104 - the pod's only interface; the network policy says who may come
+        address("0.0.0.0", PORT.number),  # noqa: S104 - the pod's only interface; the network policy restricts access
         address(wan.HOST, wan.LISTENING),
         Proof(f"{folder}/ca.crt", f"{folder}/tls.crt", f"{folder}/tls.key"),
         robot,
@@ -91,10 +91,10 @@ def on_the_robot(
     """Return the file of the robot's end in the bundle.
 
     Args:
-        endpoints: where the cloud's end is reached.
+        endpoints: addresses of the cloud's end.
         certificates: the folder of the bundle's certificates.
-        state_dir: where the agent keeps what outlives a reboot: the pairs that it renews.
-        verify_name: whether the cloud's certificate must carry the dialled name.
+        state_dir: the agent's folder for what survives a reboot: the pairs that it renews.
+        verify_name: whether the cloud's certificate must contain the dialled name.
     """
     return robot_end(
         address(wan.HOST, wan.MEETING),
@@ -110,14 +110,14 @@ def on_the_robot(
 
 
 def container(facts: Facts, folder: str, mounts: Sequence[Manifest]) -> Manifest:
-    """Return the container of the cloud's end; `folder` is where it finds its file."""
+    """Return the container of the cloud's end; `folder` contains its file."""
     return pod.container(
         "tunnel",
         facts.images.agent,
         [PROGRAM, "--params", f"{folder}/{FILE}"],
         environment={"HOME": pod.TMP},
         mounts=mounts,
-        # No limit of the CPU: being throttled takes longer than the loss timeout.
+        # No CPU limit: throttling takes longer than the loss timeout.
         resources={"requests": {"cpu": "50m", "memory": "32Mi"}, "limits": {"memory": "256Mi"}},
         extra={
             "ports": [{"name": PORT.name, "containerPort": PORT.number, "protocol": PORT.protocol}],

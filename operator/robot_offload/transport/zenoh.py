@@ -1,8 +1,8 @@
 """Zenoh: two sessions of the agents' own, opened by the robot, mutually authenticated. The default.
 
-The cloud agent listens behind two Services, UDP and TCP, because many load balancers refuse mixed ones. In the pod
-the ports are always the same; what the resource says is what the Services show, so that several robots can share one
-address on different ports and no pod is rolled when a port changes.
+The cloud agent listens behind two Services, UDP and TCP, because many load balancers refuse a mix. The ports in the pod
+are fixed; the resource's ports are those of the Services, so that several robots can share one address on different
+ports and no pod is rolled when a port changes.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ def _dialled(offload: RobotOffload, site: AgentSite, purpose: Purpose) -> list[s
 
 
 class Zenoh(Transport):
-    """Joins the sides by two sessions of the agents' own."""
+    """Connects the sides with two sessions of the agents' own."""
 
     traits: ClassVar[Traits] = Traits(
         agent_ports=(_PULSE, _DATA, _PULSE_FALLBACK, _DATA_FALLBACK), agent_needs_certificates=True
     )
 
     def purposes(self, offload: RobotOffload) -> tuple[Purpose, ...]:
-        """Return pulse and data, and the same again where there is a fallback."""
+        """Return pulse and data, and the same again if there is a fallback."""
         return (*_PRIMARY, *(_FALLBACK if offload.spec.transport.zenoh.fallback else ()))
 
     def services(self, parent: Parent) -> tuple[Manifest, ...]:
@@ -67,7 +67,7 @@ class Zenoh(Transport):
         return (*super().services(parent), *found)
 
     def agent_link(self, offload: RobotOffload, site: AgentSite) -> dict[str, Any]:
-        """Return where the agent listens, or what it dials."""
+        """Return the agent's listening or dialled endpoints."""
         fallback = offload.spec.transport.zenoh.fallback
         dialled = {purpose: _dialled(offload, site, purpose) for purpose in (*_PRIMARY, *_FALLBACK)}
         return {

@@ -1,1 +1,1 @@
-"""Recordings in the format of the field: what the robot's agent publishes and what its outputs carry, as MCAP files."""
+"""Recordings in a common format: what the robot's agent publishes and what its outputs carry, as MCAP files."""

@@ -1,6 +1,6 @@
 """`robot-offload-agent record --params FILE --output RUN.mcap`: records one robot until Ctrl-C, as one MCAP file.
 
-Beside a running agent, or without one. It only listens.
+With or without a running agent. It only listens.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _new(file: Path) -> IO[bytes]:
 
 
 class Stream:
-    """What is heard, on its way to the file. One thread hands over, another one writes.
+    """Received messages on their way to the file. One thread passes them on, another one writes.
 
     Attributes:
         left_out: messages for which the disk was too slow.

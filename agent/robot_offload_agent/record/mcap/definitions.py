@@ -1,7 +1,7 @@
 """The definition of a message type as text (`ros2msg`), made from its Python class.
 
-Every installed type has a class; not every one has its .msg file beside it (IDL types have none). Constants and
-comments are in the files alone, and no reader needs them to understand the bytes.
+Every installed type has a class; not every one has its .msg file beside it (IDL types have none). Only the files have
+constants and comments, and no reader needs them to understand the bytes.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ SEPARATOR = "=" * 80
 EMPTY = {"structure_needs_at_least_one_member": "uint8"}
 """The byte of a message without fields, by the name that the generators of ROS give it."""
 _BASIC = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-"""Names of IDL that are others in a .msg file."""
+"""Names of IDL types that differ in a .msg file."""
 _SEQUENCE = re.compile(r"sequence<(.+?)(?:, (\d+))?>")
 _ARRAY = re.compile(r"(.+)\[(\d+)\]")
 _BOUNDED = re.compile(r"(w?string)<(\d+)>")
 
 
 def definition(kind: Any, name: str) -> str:
-    """Return the definition of a type with those of all types in it, as a rosbag2 file has it.
+    """Return the definition of a type with those of all types in it, as in a rosbag2 file.
 
     Args:
         kind: the class.
@@ -45,7 +45,7 @@ def definition(kind: Any, name: str) -> str:
 
 
 def _part(name: str, within: Any) -> Any:
-    """Return the class of a type `PACKAGE/TYPE` in another one; the parts of an action stand in its module."""
+    """Return the class of a type `PACKAGE/TYPE` in another one; the parts of an action are in its module."""
     short = name.partition("/")[2]
     beside = getattr(sys.modules[within.__module__], short, None)
     return beside if beside is not None else message_type(name.replace("/", "/msg/", 1))
@@ -57,7 +57,7 @@ def _fields(kind: Any) -> str:
 
 
 def _parts(kind: Any) -> list[tuple[str, Any]]:
-    """Return the types of the fields that are messages, `PACKAGE/TYPE`, each with the type it stands in."""
+    """Return the types of the fields that are messages, `PACKAGE/TYPE`, each with the type that contains it."""
     elements = [_element(idl) for idl in kind.get_fields_and_field_types().values()]
     return [(element, kind) for element in elements if "/" in element]
 
@@ -69,7 +69,7 @@ def _element(idl: str) -> str:
 
 
 def _written(idl: str) -> str:
-    """Return the type of a field as a .msg file has it."""
+    """Return the type of a field as in a .msg file."""
     if match := _SEQUENCE.fullmatch(idl):
         return f"{_written(match[1])}[{'<=' + match[2] if match[2] else ''}]"
     if match := _ARRAY.fullmatch(idl):

@@ -1,4 +1,4 @@
-"""The folder of recordings: each is written under another name first, the oldest go, and the disk keeps some room."""
+"""The folder of recordings: each is first written under another name, the oldest go, and the disk keeps some room."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_offload_agent.record.mcap.mcap_file import McapFile
 from robot_offload_agent.record.mcap.ring import Changeover, Window
 
 RESERVE_BYTES = 64 << 20
-"""Free room that a recording leaves on the disk: settings and certificates must be kept there, too."""
+"""Free room that a recording leaves on the disk: settings and certificates must fit there, too."""
 PART = ".part"
 
 
@@ -23,8 +23,8 @@ class Kept:
     """Recordings of one agent in a folder that others may use as well.
 
     Args:
-        folder: made when it is missing.
-        keep: so many recordings stay in it, whoever wrote them.
+        folder: made if it is missing.
+        keep: number of recordings that stay in it, whichever agent wrote them.
         release: of the agent.
         uid: its identity, part of the names.
     """
@@ -67,7 +67,7 @@ class Kept:
         return f"switch-{at}.{rest // 1_000_000:03d}Z-{changeover.site}-{changeover.epoch}-{self.uid}.mcap"
 
     def _clear(self) -> None:
-        """Remove what an earlier process of this agent has left unfinished."""
+        """Remove unfinished files of an earlier process of this agent."""
         for part in self.folder.glob(f"switch-*-{self.uid}.mcap{PART}"):
             part.unlink(missing_ok=True)
 

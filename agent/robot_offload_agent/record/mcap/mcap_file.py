@@ -1,6 +1,6 @@
-"""An MCAP file that Foxglove, Lichtblick, PlotJuggler and rosbag2 open: profile `ros2`, messages as they came (CDR).
+"""An MCAP file that Foxglove, Lichtblick, PlotJuggler and rosbag2 open: profile `ros2`, messages as received (CDR).
 
-`mcap` is an extra (`robot-offload-agent[record]`): only who records needs it.
+`mcap` is an extra (`robot-offload-agent[record]`): it is needed only to record.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot_offload_agent.ros.interfaces import message_type
 
 MISSING = "recording needs mcap: pip install 'robot-offload-agent[record]'"
 FACTS = "robot_offload"
-"""Name of the metadata record that says what was recorded."""
+"""Name of the metadata record that describes the recording."""
 CHUNK_BYTES = 1 << 20
 
 
@@ -28,7 +28,7 @@ def installed() -> bool:
 
 
 def library() -> ModuleType:
-    """Return mcap's writer; raise StartError where it is not installed."""
+    """Return mcap's writer; raise StartError if it is not installed."""
     try:
         return importlib.import_module("mcap.writer")
     except ImportError as error:
@@ -45,7 +45,7 @@ class McapFile:
 
     def __init__(self, stream: IO[bytes], release: str) -> None:
         writer = library()
-        # zstd where it is installed, as rosbag2 has it; a robot may have mcap alone.
+        # zstd if it is installed, as in rosbag2; a robot may have only mcap.
         packed = writer.CompressionType.ZSTD if writer.zstandard is not None else writer.CompressionType.NONE
         self._writer = writer.Writer(stream, chunk_size=CHUNK_BYTES, compression=packed)
         self._writer.start(profile="ros2", library=f"robot-offload {release}")
@@ -57,7 +57,7 @@ class McapFile:
         self._writer.add_metadata(FACTS, dict(facts))
 
     def write(self, entry: Entry) -> None:
-        """Write a message; raise StartError when its type is not installed."""
+        """Write a message; raise StartError if its type is not installed."""
         channel = self._channels.get((entry.topic, entry.type_name))
         if channel is None:
             channel = self._writer.register_channel(

@@ -1,8 +1,8 @@
 """The record process: listens like any other consumer, keeps the last seconds, and writes a file for each changeover.
 
-It is on its own, so that nothing that a disk does reaches a process that decides or carries. Its writing thread may
-wait for the disk as long as it likes; the other one goes on listening. What fails is counted and published in
-`/diagnostics`, and changes nothing else.
+It is separate, so that a slow disk never reaches a process that decides or carries. Its writing thread may wait for
+the disk without limit; the other one goes on listening. A failure is counted and published in `/diagnostics`, and
+changes nothing else.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ NICE = 10
 
 
 class RecordShell:
-    """Joins the ring, the topics and the disk. Two threads: ROS, and the one that writes."""
+    """Connects the ring, the topics and the disk. Two threads: ROS, and the one that writes."""
 
     def __init__(self, configuration: Configuration, bus: Bus) -> None:
         self.configuration = configuration
@@ -70,7 +70,7 @@ class RecordShell:
         self.diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def run(self) -> None:
-        """Run until it is ended; what is open then is written as far as it goes."""
+        """Run until it is ended; then write what is open, as far as it goes."""
         threads.start("write", self.write_all)
         try:
             spin_topics(self.node, self.work)
@@ -89,7 +89,7 @@ class RecordShell:
                     self.ring.begin(changeover)
 
     def changed(self, entry: Entry) -> Changeover | None:
-        """Return the changeover that a placement reports; None: the side is the same, or the first one heard."""
+        """Return the changeover that a placement reports; None: the side is the same, or the first one received."""
         body = placement(entry.data)
         site, before = str(body.get("site", "")), self.site
         if site not in ("robot", "cloud"):
@@ -102,7 +102,7 @@ class RecordShell:
         return Changeover(entry.at_s, entry.stamp_ns, site, number, str(body.get("reason", ""))[:128])
 
     def work(self) -> float:
-        """Subscribe to what has come, hand windows on, report (ROS thread); return seconds until the next look."""
+        """Subscribe to new topics, pass windows on, report (ROS thread); return seconds until the next look."""
         self.beacon.sign("ros")
         self.heard.resolve()
         for window in self.ring.due(now_s()):
@@ -117,7 +117,7 @@ class RecordShell:
         return RECORD_PERIOD_S
 
     def write_all(self) -> None:
-        """Write what waits, over and over (writing thread)."""
+        """Write what waits, repeatedly (writing thread)."""
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
         while True:
             self.write(self.waiting.get())
@@ -144,7 +144,7 @@ class RecordShell:
             log.warning("%s; the agent goes on reason=RecordingFailed", problem)
 
     def publish(self) -> None:
-        """Publish what has become of the recordings."""
+        """Publish the state of the recordings."""
         values = {**self.counters, "left_out": self.counters["left_out"] + self.ring.left_out, "last": self.last}
         status = diagnostic(self.configuration["robot_name"] or self.configuration["uid"], values, self.problem)
         array = DiagnosticArray(status=[status])
@@ -153,7 +153,7 @@ class RecordShell:
 
 
 def placement(data: bytes) -> Mapping[str, Any]:
-    """Return what a message on the placement's topic says; empty for anything else."""
+    """Return the content of a message on the placement's topic; empty for anything else."""
     try:
         body = json.loads(deserialize_message(data, String).data)
     except (ValueError, RecursionError):

@@ -1,6 +1,6 @@
 """Results of goals for a recording: no topic has them, so each goal that has ended is asked for its result, once.
 
-The relay of the robot answers for the declared actions, from what it keeps. What a recording then has is what service
+The relay of the robot answers for the declared actions, from what it keeps. The recording then has what service
 introspection has: an event of `ACTION/_action/get_result`, with the goal's id, its status and its result. Before ROS 2
 Iron there is no type for that, and recordings have no results.
 """
@@ -23,7 +23,7 @@ from robot_offload_core.relay.goals.ports import GoalStatus
 
 ENDED = (GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED)
 KNOWN = 256
-"""Goals of one action that are known to have been asked; a server keeps fewer."""
+"""Goals of one action that are remembered as asked; a server keeps fewer."""
 WAITING = 16
 """Questions of one action that may be open."""
 PATIENCE_S = 5.0
@@ -38,7 +38,7 @@ class Results:
     """The results of the goals of one action, on the thread that spins.
 
     Args:
-        node: asks.
+        node: sends the requests.
         action: its parameters.
         take: called as `topics.Heard` calls it.
     """
@@ -68,7 +68,7 @@ class Results:
                 self._ask(goal_id)
 
     def look(self) -> None:
-        """Take the answers that have come; call now and then."""
+        """Take the answers that have arrived; call this repeatedly."""
         self._client.serve()
         for sequence in [number for number, at_s in self._asked.items() if now_s() - at_s > PATIENCE_S]:
             self._client.forget(sequence)
@@ -102,5 +102,5 @@ class Results:
 
 
 def of(node: Node, actions: Iterable[Named], take: Take) -> dict[str, Results]:
-    """Return who asks, by the topic on which an action's states are heard."""
+    """Return the `Results` of each action, by the topic of its goals' states."""
     return {f"{action['name']}/_action/status": Results(node, action, take) for action in actions}

@@ -1,6 +1,6 @@
-"""The last seconds of what was heard, in memory, and the windows around changeovers that are cut out of it. Pure.
+"""The last seconds of received messages, in memory, and the windows around changeovers that are cut out of them. Pure.
 
-Bounded in time and in bytes: what finds no room goes, the oldest first, and a window says when something of it is gone.
+Bounded in time and in bytes: the oldest messages are dropped for lack of room, and a window states if it lacks some.
 Of latched topics the newest older message is kept as well: what holds at the beginning of a window belongs to it.
 """
 
@@ -12,20 +12,20 @@ from dataclasses import dataclass, replace
 OVERHEAD_BYTES = 200
 """Of an entry besides its data, so that many small ones are bounded, too."""
 SLACK_S = 5.0
-"""A window may be asked for so much later than it ended: on a busy machine nobody comes in time."""
+"""A window may be requested this long after its end, because a busy machine is late."""
 MAX_WINDOWS = 8
-"""Changeovers whose windows are open at once; a robot that switches more often has other troubles than recordings."""
+"""Changeovers whose windows are open at once; a robot that switches more often has worse problems than recordings."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A message as it came.
+    """A message as received.
 
     Attributes:
         at_s: when, on the steady clock.
         stamp_ns: the same on the system clock.
-        topic: where.
-        type_name: of which type.
+        topic: name of its topic.
+        type_name: its type.
         latched: the newest one holds until the next one.
         data: serialized.
     """
@@ -45,7 +45,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Changeover:
-    """A change of who is in charge: when it was heard, to whom, why."""
+    """A change of who is in charge: when it was received, the new side, the reason."""
 
     at_s: float
     stamp_ns: int
@@ -56,11 +56,11 @@ class Changeover:
 
 @dataclass(frozen=True)
 class Window:
-    """What is written of a changeover.
+    """The part of a recording for one changeover.
 
     Attributes:
-        entries: in the order in which they came; the first are what held at the beginning.
-        cut: older ones were let go for lack of room.
+        entries: in order of arrival; the first are what held at the beginning.
+        cut: older ones were dropped for lack of room.
     """
 
     changeover: Changeover
@@ -69,7 +69,7 @@ class Window:
 
 
 class Ring:
-    """See the module. Times are of the steady clock, seconds.
+    """The ring of messages. Times are of the steady clock, seconds.
 
     Args:
         before_s, after_s: how much of the time around a changeover is kept.
@@ -89,7 +89,7 @@ class Ring:
         self._open: list[Changeover] = []
 
     def add(self, entry: Entry) -> None:
-        """Take a message; let those go that are too old, or too many."""
+        """Take a message; drop those that are too old, or too many."""
         if entry.size > self.max_bytes:
             self.left_out += 1
             self._cut_s = entry.at_s
@@ -104,7 +104,7 @@ class Ring:
             self._drop()
 
     def begin(self, changeover: Changeover) -> bool:
-        """Open a window; return False when too many are open."""
+        """Open a window; return False if too many are open."""
         if len(self._open) >= MAX_WINDOWS:
             self.left_out += 1
             return False

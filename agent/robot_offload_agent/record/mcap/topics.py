@@ -1,4 +1,4 @@
-"""What a recording has: topics of the agent itself, what passes on the outputs, and what becomes of goals."""
+"""The content of a recording: topics of the agent itself, what passes on the outputs, and what becomes of goals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEPTH = 10
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic to record; a type or a quality `auto` is the publishers'."""
+    """A topic to record; a type or QoS of `auto` is taken from the publishers."""
 
     name: str
     type_name: str = "auto"
@@ -33,7 +33,7 @@ class Topic:
 
     @property
     def spec(self) -> Named:
-        """As the parameters of a topic."""
+        """In the form of a topic's parameters."""
         values = {"type": self.type_name, "reliability": self.reliability, "durability": self.durability}
         return Named(self.name, {**values, "depth": DEPTH})
 
@@ -78,7 +78,7 @@ class Heard:
                 )
 
     def resolve(self) -> None:
-        """Subscribe to what has become known, and take results that have come; call now and then."""
+        """Subscribe to what has become known, and take results that have arrived; call this repeatedly."""
         for subscription in self._subscriptions.values():
             subscription.resolve()
         for asking in self._results.values():

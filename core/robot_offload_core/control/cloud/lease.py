@@ -1,4 +1,4 @@
-"""The cloud's side: acts only while it holds a lease of the current epoch, anchored to its own clock.
+"""The cloud's side: it acts only while it holds a lease of the current epoch, anchored to its own clock.
 
 What a heartbeat grants and what may leave is decided by the fence (`fence.lease`). Here it is decided which robot is
 served, when a pause of this process or host voids everything, and what is reported.
@@ -20,7 +20,7 @@ from robot_offload_core.words.settings import Settings
 
 
 class Stand(Explained):
-    """What the cloud's side does."""
+    """The situation of the cloud's side."""
 
     ASLEEP = "Asleep", "The robot acts, or no robot is heard"
     WAKING = "Waking", "The cloud holds a lease and brings up its nodes"
@@ -41,11 +41,11 @@ class Cloud:
         robot_s: arrival of the newest beat of the robot served.
         robot_sent_us: send time of its newest beat, on its clock.
         ready: all duplicated CORE nodes here are Active.
-        data_age_s: since the data session last heard the robot; None never.
+        data_age_s: time since the data session last heard the robot; None never.
         input_ages_s: newest accepted ages of required inputs; None never.
         rated: see CloudData.
         refused: incarnation of a second robot; "" for none.
-        refused_s: when it was last heard.
+        refused_s: when that robot was last heard.
         stepped_s: time of the last step.
         reported: the last decision reported, to report each once.
     """
@@ -86,7 +86,7 @@ def start(incarnation: str, settings: Settings) -> Cloud:
 
 @dataclass(frozen=True)
 class RobotBeat:
-    """A beat of a robot arrived, as told by the pulse process."""
+    """The pulse process reported a beat of a robot."""
 
     beat: Beat
     arrived_s: float
@@ -104,7 +104,7 @@ Event = RobotBeat | CloudNodes | CloudData | Tick
 
 @dataclass(frozen=True)
 class SetReport:
-    """To the pulse process: this side's part of the beat."""
+    """Level to the pulse process: this side's part of the beat."""
 
     report: CloudReport
 
@@ -121,9 +121,9 @@ Command = SetEgress | Acting | SetReport | StandChanged
 
 
 def step(cloud: Cloud, event: Event, now_s: float) -> tuple[Cloud, list[Command]]:
-    """Take in one event; return the next state and the level of everything the shell keeps up.
+    """Take one event; return the next state and the levels that the shell keeps up.
 
-    The three levels (egress, acting, report) come with every step: losing one message of them loses nothing.
+    Every step returns the three levels (egress, acting, report), so a lost message does no harm.
     """
     before = cloud
     cloud = _notice_pause(cloud, now_s)
@@ -176,7 +176,7 @@ def called_off(before: Cloud, after: Cloud) -> bool:
 
 
 def situation(cloud: Cloud, now_s: float) -> tuple[Stand, str]:
-    """Return (reason, message) of what this side does."""
+    """Return (reason, message) for the situation of this side."""
     if cloud.refused:
         return Stand.DUPLICATE_IDENTITY, f"A second robot of this identity is refused: {cloud.refused[:8]}"
     if holds_lease(cloud, now_s):
@@ -245,5 +245,5 @@ def _levels(cloud: Cloud, now_s: float) -> list[Command]:
 
 
 def _us(age_s: float | None) -> int:
-    """Return microseconds; -1 for never, also if the sender had heard nothing of us and the age has no bound."""
+    """Return microseconds; -1 for never, or for an unbounded age (the sender had not heard us)."""
     return -1 if age_s is None or age_s == float("inf") else max(0, round(age_s * 1e6))

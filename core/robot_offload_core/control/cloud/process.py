@@ -18,29 +18,29 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec, OutputSpec, Settings
 
 REQUEST_LIFE_S = 2.0
-"""How long a switch asked for here is offered to the robot before it is refused."""
+"""How long a switch requested here is offered to the robot before it is refused."""
 
 
 class CloudControlPorts(ControlPorts, Protocol):
-    """What the shell does for the cloud's control process besides."""
+    """What else the shell does for the cloud's control process."""
 
     def decided(self, reason: Stand, message: str) -> None:
         """Log a decision."""
 
 
 class CloudControlProcess(ControlProcess):
-    """See the module.
+    """The cloud's control process.
 
     Attributes:
         cloud: state of the lease machine.
         link: health of the link to the robot served.
-        complete: the latched inputs are the robot's.
+        complete: the latched inputs equal the robot's.
         data_s: when the data process last reported.
         data_status: its newest report with details.
         relay_status: newest report of the relay.
         rest: whether this side's nodes stay Active for their goals.
         request: the switch by hand that is offered to the robot; "" for none.
-        veils: the robot served understands words that name it by the hash of its incarnation.
+        veils: the robot served understands messages that name it by the hash of its incarnation.
     """
 
     def __init__(
@@ -48,9 +48,10 @@ class CloudControlProcess(ControlProcess):
         has_relay: bool = False, outputs: tuple[OutputSpec, ...] = (), publishers: tuple[str, ...] = (),
         has_state: bool = False, *, shape: str = "",
     ) -> None:  # fmt: skip
-        """Begin without a robot; `publishers` is the node of each of `outputs`, "" unknown.
+        """Begin without a robot.
 
-        `has_relay`: services or actions are declared; `has_state`: state. `shape`: of our configuration.
+        `publishers`: node of each of `outputs`, "" if unknown. `has_relay`: services or actions are declared.
+        `has_state`: state is declared. `shape`: of our configuration.
         """
         guard = guardians.start(nodes, settings.activation_deadline_s)
         super().__init__(ports, incarnation, guard, outputs, publishers)
@@ -81,14 +82,14 @@ class CloudControlProcess(ControlProcess):
         witness.restated(Machine.LEASE, self.ports.now_s(), self.cloud)
 
     def ask(self, site: Site, key: int) -> None:
-        """Ask the robot for a switch by hand: it decides, the request travels with our probes."""
+        """Request a switch by hand from the robot, which decides; the request travels with our probes."""
         self.requests += 1
         self.request = f"{site.value}:{self.incarnation[:8]}.{self.requests}"
         self.request_until_s = self.ports.now_s() + REQUEST_LIFE_S
         self.request_key = key
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Take a beat of a robot; that this side's pulse sends, nobody asks here."""
+        """Take a beat of a robot; `sent` is not used on this side."""
         del sent
         self.step(lease.RobotBeat(beat, arrived_s))
         if beat.incarnation == self.cloud.robot:
@@ -119,7 +120,7 @@ class CloudControlProcess(ControlProcess):
         self.step(replace(message.cloud_data, rated=self._bits()))
 
     def _note_while(self) -> None:
-        """Report at once that other outputs must speak here."""
+        """Report at once if other outputs must publish here now."""
         if self.cloud_data is not None and self._bits() != self.cloud.rated:
             self.step(replace(self.cloud_data, rated=self._bits()))
 
@@ -127,7 +128,7 @@ class CloudControlProcess(ControlProcess):
         return sum(1 << index for index in self.holding())
 
     def tick(self) -> None:
-        """Let time pass for the lease machine."""
+        """Tick the lease machine."""
         self.check_ready()
         self._note_while()
         if self._able() is not self.cloud.ready:
@@ -143,9 +144,9 @@ class CloudControlProcess(ControlProcess):
         self.step(lease.CloudNodes(self._able()))
 
     def _able(self) -> bool:
-        """Return whether the CORE nodes are Active and got the robot's latched inputs before they began to act.
+        """Return whether the CORE nodes are Active and had the robot's latched inputs before they began to act.
 
-        A stay does not end for a latched input that changes meanwhile: its new value is on the way to the replicas.
+        A latched input that changes later does not end a stay: its new value is on the way to the replicas.
         """
         acting = lease.holds_lease(self.cloud, self.ports.now_s()) and self.cloud.ready
         return self.is_ready() and (self.complete or acting)
@@ -184,10 +185,10 @@ class CloudControlProcess(ControlProcess):
                     assert_never(command)
 
     def health(self) -> links.Health | None:
-        """Return the health of the link to the robot served; None when there is none."""
+        """Return the health of the link to the robot served; None if no robot is served."""
         return links.health(self.link, self.ports.now_s()) if self.cloud.robot else None
 
     def sustained(self) -> int:
-        """Return 1 while a robot is heard."""
+        """Return 1 if a robot is heard, else 0."""
         alive = self.ports.now_s() - self.cloud.robot_s <= self.settings.loss_timeout_s
         return int(bool(self.cloud.robot) and alive)

@@ -1,7 +1,7 @@
-"""Wanted against observed lifecycle states of one side's nodes -> ordered transitions, and the CORE rule.
+"""Compare wanted and observed lifecycle states of one side's nodes: ordered transitions, and the CORE rule.
 
-Bring-up follows the order of the list, going to sleep the reverse; a CORE node waits for CORE nodes only, and nobody
-waits for a node that is dead or refuses. What happens to one node: managed_nodes.py.
+Nodes are activated in the order of the list and deactivated in reverse. A CORE node waits for CORE nodes only, and no
+node waits for one that is dead or refuses. A single node is driven by managed_nodes.py.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import NodeSpec
 
 INHIBIT_PERIOD_S = 0.5
-"""Repetition of an unconfirmed inhibit request, and of a standing one in case the driver restarted."""
+"""Period at which an inhibit request is repeated: until confirmed, and afterwards in case the driver restarted."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class Guardian:
 
     Attributes:
         nodes: in bring-up order.
-        acting: this side is in charge or gets ready to be: its duplicated nodes are to be Active.
+        acting: this side is in charge or gets ready to be, so its duplicated nodes are to be Active.
         acting_since_s: since when.
-        in_charge: it is in charge; only then its duplicated CORE nodes matter to the driver.
+        in_charge: this side is in charge; only then its duplicated CORE nodes matter to the driver.
         outputs_flow: the rated outputs of this side flow (judged by the collector).
         outputs_heard, silent, stop: see Acting.
         flowing: see Flowing.
         grace_s: how long a CORE node may be on its way to Active before the driver is inhibited.
         has_driver: there is an inhibit service (the robot's side).
-        inhibited: last confirmed by the driver; None before the first confirmation.
-        inhibit_said: last asked of the driver; None before the first time.
-        inhibit_due_s: when to say it again.
+        inhibited: last value confirmed by the driver; None before the first confirmation.
+        inhibit_said: last value requested from the driver; None before the first request.
+        inhibit_due_s: when to repeat the request.
         fault_since_s: since when the CORE rule has been broken.
     """
 
@@ -72,7 +72,7 @@ class Guardian:
 
 @dataclass(frozen=True)
 class Flowing:
-    """Level: the nodes all of whose rated outputs flow. One that is too busy to answer a read is not dead."""
+    """Level: the nodes whose rated outputs all flow. Such a node is not dead, even if too busy to answer a read."""
 
     names: tuple[str, ...]
 
@@ -81,7 +81,7 @@ class Flowing:
 class Seen:
     """Level: the nodes without a lifecycle whose process and declared names are in the graph.
 
-    They are Active from their start on, on both sides: that they live is observed, because nobody can ask them.
+    They are Active from their start, on both sides. They cannot be asked for their state, so it is observed.
     """
 
     names: tuple[str, ...]
@@ -103,7 +103,7 @@ def start(specs: Iterable[NodeSpec], grace_s: float, has_driver: bool = False) -
 
 
 def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list[Command]]:
-    """Take in one event and does all that has become due."""
+    """Take one event and do everything that has become due."""
     commands: list[Command] = []
     before = guardian
     match event:
@@ -134,7 +134,7 @@ def step(guardian: Guardian, event: Event, now_s: float) -> tuple[Guardian, list
 
 
 def check(before: Guardian, after: Guardian, event: Event) -> None:
-    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError if the step from `before` to `after` broke an invariant."""
     require(
         "guardian",
         event,
@@ -148,7 +148,7 @@ def check(before: Guardian, after: Guardian, event: Event) -> None:
 def is_ready(guardian: Guardian) -> bool:
     """Return whether all duplicated CORE nodes (all duplicated ones if none is CORE) are Active and stay so.
 
-    Those without a lifecycle are seen.
+    A node without a lifecycle counts while it is seen.
     """
     duplicated = [n for n in guardian.nodes if n.spec.duplicated]
     core = [n for n in duplicated if n.spec.core] or duplicated
@@ -156,7 +156,7 @@ def is_ready(guardian: Guardian) -> bool:
 
 
 def core_fault(guardian: Guardian) -> str:
-    """Return why the robot must not move now; "" when it may."""
+    """Return why the robot must not move now; "" if it may."""
     if guardian.stop:
         return guardian.stop
     for node in guardian.nodes:
@@ -171,7 +171,7 @@ def _silent(guardian: Guardian) -> bool:
 
 
 def _unheard(guardian: Guardian) -> str:
-    """Return why a driver that is inhibited, perhaps by an earlier life of ours, stays so; "" for no reason."""
+    """Return why a driver stays inhibited, perhaps by an earlier process of ours; "" for no reason."""
     if guardian.inhibit_said is False or not guardian.in_charge or guardian.outputs_heard:
         return ""
     return "No message of the robot's rated outputs has been seen since"
@@ -205,9 +205,9 @@ def _act(guardian: Guardian, event: Acting, now_s: float) -> Guardian:
 
 
 def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
-    """Ask for what is due: bring-up in order, sleep in reverse, read in between.
+    """Ask for what is due: activate in order, deactivate in reverse, read in between.
 
-    A CORE node waits for CORE nodes only: without it the robot does not move, and no other node is worth that.
+    A CORE node waits for CORE nodes only: without it the robot cannot move, so no other node may delay it.
     """
     nodes = {n.spec.name: n for n in guardian.nodes}
     waits = waits_core = False  # an earlier node is still on its way up: later ones wait for it
@@ -235,13 +235,13 @@ def _advance(guardian: Guardian, now_s: float, commands: list[Command]) -> Guard
 
 
 def _with(guardian: Guardian, nodes: tuple[Node, ...]) -> Guardian:
-    """Return the guardian with these nodes: the same one when each of them is the same."""
+    """Return the guardian with these nodes; the same object if every node is the same."""
     same = all(map(is_, nodes, guardian.nodes))
     return guardian if same else replace(guardian, nodes=nodes)
 
 
 def due_s(guardian: Guardian, now_s: float) -> float:
-    """Return before when a Tick changes nothing, once a Tick at `now_s` has changed nothing; infinite for never."""
+    """Return until when Ticks change nothing, after a Tick at `now_s` that changed nothing; infinite for always."""
     times_s = [guardian.inhibit_due_s]
     if guardian.fault_since_s is not None:
         times_s.append(guardian.fault_since_s + guardian.grace_s)
@@ -265,7 +265,7 @@ def degraded(guardian: Guardian) -> tuple[str, ...]:
 
 
 def _answered(guardian: Guardian, inhibited: bool, now_s: float) -> Guardian:
-    """Note what the driver confirmed. When that is not our last word the driver may have served it last: say it again.
+    """Record what the driver confirmed; if it differs from our last request, repeat that.
 
     Two contrary requests within milliseconds can overtake each other in a driver with several threads.
     """
@@ -275,7 +275,7 @@ def _answered(guardian: Guardian, inhibited: bool, now_s: float) -> Guardian:
 
 
 def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Guardian:
-    """Inhibit the driver when a CORE node that should act does not, after the grace; release it when healthy."""
+    """Inhibit the driver if a CORE node that should act has not done so after the grace; release it when healthy."""
     if not guardian.has_driver:
         return guardian
     fault = core_fault(guardian) or _unheard(guardian)
@@ -284,14 +284,14 @@ def _core_rule(guardian: Guardian, now_s: float, commands: list[Command]) -> Gua
     elif guardian.fault_since_s is None:
         guardian = replace(guardian, fault_since_s=now_s)
     since_s = guardian.fault_since_s
-    # Once inhibited, stay so until healthy: a second fault in a row earns no second grace. Silence earns none at all:
-    # it is judged only after the nodes had their time.
+    # Once inhibited, stay so until healthy: a second fault in a row gets no second grace. Silence gets no grace at all,
+    # as it is judged only after the nodes had their time.
     inhibit = since_s is not None and (
         now_s - since_s >= guardian.grace_s or bool(guardian.inhibit_said) or _silent(guardian) or bool(guardian.stop)
     )
     if fault and not inhibit and guardian.inhibit_said is None:
         return guardian  # an earlier incarnation of us may have inhibited the driver, and for a reason
-    # The first word is said in any case, once all is well: see above.
+    # The first request is sent in any case, once all is well: see above.
     repeat = (inhibit or guardian.inhibited is not inhibit) and now_s >= guardian.inhibit_due_s
     if guardian.inhibit_said is not inhibit or repeat:
         commands.append(Inhibit(inhibit, fault or "All CORE nodes act"))

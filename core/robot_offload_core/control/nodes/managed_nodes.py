@@ -1,9 +1,9 @@
 """One managed node: its observed lifecycle state and the transition under way, with deadlines and retries.
 
 States and transitions by the names of the ROS 2 managed node design (design.ros2.org/articles/node_lifecycle.html).
-A transition whose answer does not come in time has not necessarily failed: the state is read while it is under way and
-before it is asked for again. Retries wait longer each time and end at a deadline, with a reason; a node that shows up
-again (restarted: Unconfigured) gets a new chance.
+A transition without an answer in time has not necessarily failed: the state is read while it is under way, and before
+it is requested again. Retries wait longer each time and end at a deadline, with a reason. A node that reappears
+(restarted: Unconfigured) gets a new chance.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ TRANSITION_DEADLINE_S = 2.0
 READ_DEADLINE_S = 1.0
 """For one get_state call."""
 READ_PERIOD_S = 1.0
-"""How often a state is read without news: a node that died reports nothing."""
+"""How often a state is read without a report of the node: a dead node reports nothing."""
 UNKNOWN_PERIOD_S = 0.25
-"""The same while the state is unknown: a node that starts is to be found quickly."""
+"""The same while the state is unknown, so that a starting node is found quickly."""
 RETRY_FIRST_S = 0.1
 """Wait after the first failed transition; doubled by each further one."""
 RETRY_MAX_S = 5.0
 """Longest such wait."""
 GIVE_UP_S = 60.0
-"""After failing for this long a node is given up until it restarts or is asked for again."""
+"""After failing for this long a node is given up until it restarts or is wanted again."""
 UNSEEN_LOOKS = 2
-"""A node without a lifecycle is gone when so many looks at the graph in a row do not find it."""
+"""A node without a lifecycle is gone after this many looks at the graph in a row without it."""
 
 
 class Transition(str, Enum):
@@ -66,19 +66,19 @@ GOAL = {
 
 @dataclass(frozen=True)
 class Node:
-    """What is known of one managed node and what is under way with it.
+    """State of one managed node and of the calls to it.
 
     Attributes:
         spec: from the configuration.
-        state: last observed.
-        state_s: when.
+        state: last observed lifecycle state.
+        state_s: when it was observed.
         read_due_s: when to read it again.
-        reading_until_s: deadline of a read under way; None when none.
-        asked: transition under way; None when none.
+        reading_until_s: deadline of a read under way; None for no read.
+        asked: transition under way; None for none.
         asked_until_s: its deadline.
-        failing_since_s: first failure of the present row of failures; None when healthy.
+        failing_since_s: first failure of the present row of failures; None if healthy.
         failures: length of that row.
-        retry_s: no new attempt before this.
+        retry_s: no new attempt before this time.
         gave_up: reason why no more attempts are made; "" otherwise.
         unseen: looks in a row that did not find a node without a lifecycle.
     """
@@ -99,7 +99,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Observed:
-    """A node's state was read or heard; UNKNOWN when a read got no answer."""
+    """A node's state was read or heard; UNKNOWN if a read got no answer."""
 
     name: str
     state: State
@@ -125,7 +125,7 @@ class ChangeState:
 
 @dataclass(frozen=True)
 class GetState:
-    """Call get_state; report UNKNOWN when there is no answer within `deadline_s` seconds."""
+    """Call get_state; report UNKNOWN if there is no answer within `deadline_s` seconds."""
 
     name: str
     deadline_s: float
@@ -152,12 +152,12 @@ Command = ChangeState | GetState | Inhibit | NodeNews
 
 
 def stays_active(node: Node) -> bool:
-    """Return whether a node is Active and not on its way out of it."""
+    """Return whether a node is Active and not about to leave that state."""
     return node.state is State.ACTIVE and node.asked is not Transition.DEACTIVATE
 
 
 def observe(node: Node, state: State, now_s: float, commands: list[Command]) -> Node:
-    """Take in a state that was read or heard."""
+    """Take a state that was read or heard."""
     period_s = UNKNOWN_PERIOD_S if state is State.UNKNOWN else READ_PERIOD_S
     before = node.state
     node = replace(node, state=state, state_s=now_s, read_due_s=now_s + period_s, reading_until_s=None)
@@ -177,7 +177,7 @@ def observe(node: Node, state: State, now_s: float, commands: list[Command]) -> 
 
 
 def look(node: Node, seen: bool, now_s: float, commands: list[Command]) -> Node:
-    """Take what a look at the graph found of a node without a lifecycle."""
+    """Take the result of a look at the graph for a node without a lifecycle."""
     if node.spec.lifecycle:
         return node
     unseen = 0 if seen else node.unseen + 1
@@ -187,7 +187,7 @@ def look(node: Node, seen: bool, now_s: float, commands: list[Command]) -> Node:
 
 
 def answer(node: Node, event: Answered, now_s: float, commands: list[Command]) -> Node:
-    """Take in the answer of a transition call."""
+    """Take the answer of a transition call."""
     if node.asked is not event.transition:
         return node
     if event.success:
@@ -233,20 +233,20 @@ def _failed(node: Node, why: str, now_s: float, commands: list[Command]) -> Node
 
 
 def rises(node: Node) -> bool:
-    """Return whether a node is on its way up for the first time; a dead or refusing one holds up nobody."""
+    """Return whether a node is on its way up for the first time; a dead or refusing node holds up no other."""
     unread = node.state_s is None
     return unread or (node.state in (State.UNCONFIGURED, State.INACTIVE) and node.failures == 0 and not node.gave_up)
 
 
 def upwards(node: Node) -> Transition | None:
-    """Return the transition that leads towards Active; None when there is none."""
+    """Return the transition that leads towards Active; None if there is none."""
     if node.state is State.UNCONFIGURED:
         return Transition.CONFIGURE
     return Transition.ACTIVATE if node.state is State.INACTIVE else None
 
 
 def ask(node: Node, transition: Transition | None, now_s: float, commands: list[Command]) -> Node:
-    """Ask for a transition, unless one is under way, the node was given up or its next attempt is later."""
+    """Ask for a transition, unless one is under way, the node was given up or its next attempt is not due."""
     if transition is None or node.asked is not None or node.gave_up or now_s < node.retry_s:
         return node
     commands.append(ChangeState(node.spec.name, transition, TRANSITION_DEADLINE_S))

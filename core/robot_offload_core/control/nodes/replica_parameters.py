@@ -1,8 +1,8 @@
 """Whether the two replicas of a node have the same parameters: names and values, compared by their digests. Pure.
 
-Each side states a digest of all parameters of each of its duplicated nodes. Only where the digests differ the single
-ones are stated, one digest a parameter, until the other side has them. So what never differs costs next to nothing, and
-no value leaves its side.
+Each side states one digest for all parameters of each of its duplicated nodes. Only if the digests of a node differ,
+one digest per parameter is stated, until the other side has them. So equal parameters cost next to nothing, and no
+value leaves its side.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from robot_offload_core.words.reasons import Reason
 from robot_offload_core.words.replace import replace
 
 ALWAYS_DIFFER = ("qos_overrides.*",)
-"""Names that contain the name of a topic, which is another one on each side."""
+"""Names that contain a topic name, which differs between the sides."""
 DIGEST_LENGTH = 8
 MAX_NODES = 128
 MAX_STATED = 512
-"""Parameters of one node that are stated one by one; of a node with more the first ones by name."""
+"""Most parameters of one node that are stated one by one: the first ones by name."""
 READ_PERIOD_S = 5.0
 """How often a node's parameters are read."""
 HASTY_PERIOD_S = 1.0
-"""The same while they differ: most differences pass when the other replica has started."""
+"""The same while they differ: most differences vanish once the other replica has started."""
 
 Table = Mapping[str, str]
 """Digest of the value of each parameter, by its name."""
@@ -34,12 +34,12 @@ Table = Mapping[str, str]
 
 @dataclass(frozen=True)
 class Statement:
-    """What one side says of one of its nodes.
+    """One side's statement about one of its nodes.
 
     Attributes:
-        digest: of all parameters; "" while they are not known.
-        has: digest of the newest table of the other side's node that this side has got; "" for none.
-        table: the parameters one by one; None while the other side has no use for them.
+        digest: of all parameters; "" while they are unknown.
+        has: digest of the newest table that this side has received for the other side's node; "" for none.
+        table: the parameters one by one; None while the other side does not need them.
     """
 
     digest: str = ""
@@ -52,9 +52,9 @@ class Compared:
     """State of one side.
 
     Attributes:
-        own: parameters of the nodes here that were read.
-        stated: the newest statement of the other side on each node.
-        tables: (digest, parameters) of the other side's nodes, as far as they were stated one by one.
+        own: parameters read from the nodes here.
+        stated: the other side's newest statement on each node.
+        tables: (digest, parameters) of those nodes of the other side whose parameters were stated one by one.
     """
 
     own: Mapping[str, Table] = field(default_factory=dict)
@@ -69,7 +69,7 @@ def value_digest(value: object, side: Site) -> str:
 
 
 def counts(name: str, may_differ: Iterable[str]) -> bool:
-    """Return whether a parameter is compared: `*` in an exception stands for any text."""
+    """Return whether a parameter is compared; `*` in an exception matches any text."""
     return not any(fnmatchcase(name, pattern) for pattern in (*ALWAYS_DIFFER, *may_differ))
 
 
@@ -83,20 +83,20 @@ def _digest(text: str) -> str:
 
 
 def read(compared: Compared, node: str, table: Table | None) -> Compared:
-    """Take the parameters of a node here; None: it does not answer."""
+    """Take the parameters of a node here; None if it does not answer."""
     others = {name: known for name, known in compared.own.items() if name != node}
     return replace(compared, own=others if table is None else {**others, node: table})
 
 
 def heard(compared: Compared, stated: Mapping[str, Statement]) -> Compared:
-    """Take what the other side states."""
+    """Take the statements of the other side."""
     tables = {name: known for name, known in compared.tables.items() if name in stated}
     tables |= {name: (said.digest, said.table) for name, said in stated.items() if said.table is not None}
     return replace(compared, stated=stated, tables=tables)
 
 
 def statements(compared: Compared) -> dict[str, Statement]:
-    """Return what to say to the other side: of one node at a time the parameters one by one."""
+    """Return the statements for the other side; only one node at a time has its parameters one by one."""
     found: dict[str, Statement] = {}
     free = True
     for node, table in sorted(compared.own.items())[:MAX_NODES]:
@@ -109,7 +109,7 @@ def statements(compared: Compared) -> dict[str, Statement]:
 
 
 def unlike(compared: Compared, node: str) -> bool:
-    """Return whether the digests of a node differ: it is read again soon."""
+    """Return whether the digests of a node differ, so that it is read again soon."""
     said = compared.stated.get(node)
     table = compared.own.get(node)
     return said is not None and table is not None and said.digest not in ("", table_digest(table))
@@ -120,8 +120,8 @@ def differences(compared: Compared, alike: Iterable[str]) -> dict[str, tuple[str
 
     Args:
         compared: the state.
-        alike: nodes whose replicas are in the same lifecycle state. Only of these a parameter counts that one replica
-            alone has: many nodes declare parameters while they are configured or activated.
+        alike: nodes whose replicas are in the same lifecycle state. Only for these, a parameter that just one replica
+            has counts: many nodes declare parameters while they are configured or activated.
     """
     found: dict[str, tuple[str, ...]] = {}
     in_one_state = set(alike)
@@ -139,7 +139,7 @@ def differences(compared: Compared, alike: Iterable[str]) -> dict[str, tuple[str
 
 
 def problem(found: Mapping[str, tuple[str, ...]]) -> tuple[Reason, str] | None:
-    """Return (reason, message) for what differs; None when nothing does."""
+    """Return (reason, message) for the differences; None if there are none."""
     if not found:
         return None
     parts = []

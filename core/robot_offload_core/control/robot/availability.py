@@ -1,7 +1,7 @@
 """Whether the results of each node with placement Cloud reach the robot now, and if not, why.
 
-There is no replica to take its place: a program of the robot that uses such a result must be able to choose. Judged by
-the same limits as a stay in the cloud, but for those that only concern the duplicated nodes.
+Such a node has no replica, so a program on the robot that uses its results must know whether they arrive. Judged by the
+same limits as a stay in the cloud, except those that only concern the duplicated nodes.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from robot_offload_core.words.settings import OutputSpec
 NOT_CONCERNED = frozenset(
     {Reason.CONFIGURATION_DIFFERS, Reason.INPUTS_DIFFER, Reason.INPUT_STALE, Reason.COLLECTOR_FELL_BACK}
 )
-"""Limits of the duplicated nodes. A node with placement Cloud that needs an input shows by its own silence."""
+"""Limits of the duplicated nodes. If a node with placement Cloud lacks an input, its own silence shows that."""
 
 
 @dataclass(frozen=True)
 class Available:
-    """What is known of one node with placement Cloud.
+    """Availability of one node with placement Cloud.
 
     Attributes:
         node: resource name.
@@ -42,7 +42,7 @@ def available(robot: Robot, states: Mapping[str, str], now_s: float) -> tuple[Av
 
     Args:
         robot: state of the placement machine.
-        states: state of each node in the cloud, by resource name; nothing is judged of a node that is not among them.
+        states: state of each node in the cloud, by resource name; the state of a missing node is not judged.
         now_s: on the robot's steady clock.
     """
     nodes = dict.fromkeys(name for o in robot.outputs if o.of_cloud for name in o.nodes)

@@ -1,4 +1,4 @@
-"""How a changeover begins, succeeds, is called off or comes at once; each has an epoch of its own and is given out."""
+"""How a changeover begins, succeeds, is called off or comes at once; each has its own epoch and is announced."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from robot_offload_core.words.replace import replace
 from robot_offload_core.words.settings import Settings
 
 PREPARE_EXTRA_S = 0.5
-"""Added to the activation deadline for a commanded switch: outputs must flow; slow ones get their deadline instead."""
+"""Added to the deadline of a commanded switch, as outputs must flow; slow ones get their own deadline instead."""
 REPORT_BEATS = 2
-"""Beats added to that: the grant must go there, the report must come back."""
+"""Beats added to that, for the grant to arrive and the report to come back."""
 RETRY_FIRST_S = 1.0
 """Wait after the first preparation that was called off; doubled by each further one."""
 RETRY_MAX_S = 30.0
 """Longest such wait."""
 DECIDED_PERIOD_S = 0.5
-"""Least distance of two announcements that differ in their reason alone."""
+"""Least time between two announcements that differ only in their reason."""
 
 
 def stopped_s(settings: Settings) -> float:
     """Return after how long the cloud has stopped for sure when nothing permits it to act any more, seconds.
 
-    The pulse process may use the last permission for two more beats, and the lease that it grants then lasts from
-    there.
+    The pulse process may use the last permission for two more beats; the lease granted then begins at that time.
     """
     return PERMISSION_BEATS * settings.beat_period_s + settings.lease_s + settings.drift_s
 
@@ -69,7 +68,7 @@ def enter(robot: Robot, entered: Grant, now_s: float, commands: list[Command]) -
 
 
 def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: list[Command]) -> Robot:
-    """Give a preparation up: the old side goes on, the next attempt waits (not after a person or the clocks)."""
+    """Give up a preparation: the old side goes on, and the next attempt waits unless the reason is urgent."""
     failed = not why.reason.urgent
     wait_s = min(RETRY_MAX_S, RETRY_FIRST_S * 2**robot.failures) if failed else 0.0
     robot = replace(
@@ -82,15 +81,15 @@ def call_off(robot: Robot, phase: Phase, why: Verdict, now_s: float, commands: l
 def take_over(
     robot: Robot, fault: Verdict, now_s: float, commands: list[Command], *, by_silence: bool = False
 ) -> Robot:
-    """Return sudden loss: the robot is in charge from now on; consumers hear nobody else.
+    """Put the robot in charge at once after a sudden loss; consumers hear only the robot from now on.
 
-    `by_silence`: of one message, which may come yet: sessions, wishes and what the policy has learned stay.
+    `by_silence`: only one message is missing and may still come, so sessions, wishes and the policy's state stay.
     """
     silent_s = None if robot.situation.good_s is None else now_s - robot.situation.good_s
     phase = Phase.ROBOT if robot.nodes_ready else Phase.TAKEOVER
     policy = robot.policy if by_silence else policies.lost(robot.policy, robot.settings, now_s)
     policy = policies.entered(policy, Site.ROBOT, now_s)
-    # A loss ends the wish for the cloud: it would take the hold-down's place and flap with the link.
+    # A loss ends the wish for the cloud, which would override the hold-down and flap with the link.
     keeps = by_silence or (robot.manual is not None and robot.manual.site is Site.ROBOT)
     manual = robot.manual if keeps else None
     robot = replace(
@@ -108,7 +107,7 @@ def decide(
     robot: Robot, verdict: Verdict, now_s: float, commands: list[Command], *,
     force: bool = False, switched: bool = False, silent_s: float | None = None,
 ) -> Robot:  # fmt: skip
-    """Give a decision out when it changed, at most every DECIDED_PERIOD_S; at once when `force`."""
+    """Announce a decision if it changed, at most every DECIDED_PERIOD_S; with `force` at once."""
     changed = (verdict.site, verdict.reason) != (robot.decided.site, robot.decided.reason)
     if not force and not (changed and now_s - robot.decided_s >= DECIDED_PERIOD_S):
         return robot

@@ -1,14 +1,14 @@
-"""Takeover by silence: a robot whose replicas are Hot goes on at once when a message of the cloud is missing.
+"""Takeover by silence: a robot whose replicas are Hot takes over at once if a message of the cloud is missing.
 
-What it rests on is weaker than a broken limit (the collector says that one message is late, lateness.py), so it is
-judged afterwards. When a hard limit of the cloud breaks within two loss timeouts it was a loss like every other: the
-sessions are reopened, a wish by hand for the cloud ends, the policy learns. Else it may have been a mistake, which
-costs two changes of side and nothing more; the third within ten minutes starts the hold-down, and no message is taken
-for lost any more until a stay in the cloud has lasted a minute.
+The evidence is weaker than a broken limit (the collector reports that one message is late, lateness.py), so the
+takeover is judged afterwards. If a hard limit of the cloud breaks within two loss timeouts, it was a loss like any
+other: the sessions are reopened, a wish by hand for the cloud ends, the policy learns. Otherwise it may have been a
+mistake, which costs only two changes of side. The third mistake within ten minutes starts the hold-down, and no message
+counts as lost until a stay in the cloud has lasted a minute.
 
-A mistake also teaches: for an hour its outputs are waited for a period longer than they were. The collector learns the
-same from messages that come late, but a message that was lost never comes, and a cloud that has just been left sends
-nothing more that could show how long its silence would have been.
+A mistake also teaches: for an hour the margin of its outputs is a period longer than it was. The collector learns the
+same from late messages, but a lost message never comes, and a cloud that was just left sends nothing that could show
+how long its silence would have been.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from robot_offload_core.words.reasons import Reason, Verdict
 from robot_offload_core.words.replace import replace
 
 JUDGED_TIMEOUTS = 2
-"""Loss timeouts after which a takeover that no limit confirmed is taken for a mistake."""
+"""Loss timeouts after which a takeover counts as a mistake, unless a broken limit has confirmed it."""
 ROW_S = 600.0
 """Mistakes further apart than this are not counted as a row."""
 MOST = 3
 FLOOR_S = 3600.0
-"""How long a mistake keeps the margin of its outputs up."""
+"""How long a mistake increases the margin of its outputs."""
 PROVEN_S = 60.0
-"""A stay of this length in the cloud shows that its messages come in time again."""
+"""A stay in the cloud of this length shows that its messages come in time again."""
 
 
 def missed(robot: Robot) -> Verdict | None:
-    """Return the loss that a missing message of the cloud means; None when there is none, or it proves nothing."""
+    """Return the loss that a missing message of the cloud proves; None if none is missing, or if it proves nothing."""
     gate, early = robot.situation.gate, robot.early
     if gate is None or not gate.missed or early.off or not (robot.hot and robot.nodes_ready) or _unfit(robot):
         return None
@@ -47,22 +47,22 @@ def missed(robot: Robot) -> Verdict | None:
 
 
 def _missing(robot: Robot) -> tuple[tuple[int, float], ...]:
-    """Return the outputs whose next message of the cloud is missing, by index, and when each was due."""
+    """Return (index, due time) of the outputs whose next message of the cloud is missing."""
     gate = robot.situation.gate
     missed_ = () if gate is None else gate.missed
     return tuple((index, due_s) for index, due_s in missed_ if _was_due(robot, index, due_s))
 
 
 def _unfit(robot: Robot) -> bool:
-    """Return whether the robot has given up a goal that the cloud still executes: it would begin that anew."""
+    """Return whether the robot has given up a goal that the cloud still executes, so that it would begin it anew."""
     report = robot.handing.report
     return report is not None and report.unfit
 
 
 def _was_due(robot: Robot, index: int, due_s: float) -> bool:
-    """Return whether a message had to come: with `while`, if a later beat of the cloud still calls the output rated.
+    """Return whether a message had to come: with `while`, if a later beat of the cloud reports the output as rated.
 
-    The beat shows that by what it echoes: a beat of ours from after that time.
+    A beat is later if it echoes a beat that we sent after that time.
     """
     if robot.outputs[index].while_ is None:
         return True
@@ -71,13 +71,13 @@ def _was_due(robot: Robot, index: int, due_s: float) -> bool:
 
 
 def taken(robot: Robot, now_s: float) -> Robot:
-    """Note a takeover by silence. The cloud is not asked again before it was judged."""
+    """Record a takeover by silence. The cloud is not asked again before the takeover was judged."""
     early = replace(robot.early, taken_s=now_s, missing=_missing(robot))
     return replace(robot, early=early, retry_s=now_s + JUDGED_TIMEOUTS * robot.settings.loss_timeout_s)
 
 
 def judge(robot: Robot, fault: Verdict | None, now_s: float, commands: list[Command]) -> Robot:
-    """Judge the last takeover by silence; `fault`: the limit that is broken since, None while all hold."""
+    """Judge the last takeover by silence; `fault`: a limit broken since then, None while all hold."""
     early, settings = robot.early, robot.settings
     if early.taken_s is None:
         return robot
@@ -98,19 +98,19 @@ def judge(robot: Robot, fault: Verdict | None, now_s: float, commands: list[Comm
 
 
 def _learned(robot: Robot, taken_s: float) -> tuple[Floor, ...]:
-    """Return the floors after a mistake: a period more than its outputs had been waited for when it was made."""
+    """Return the floors after a mistake: how long each message was overdue at the takeover, plus a period."""
     missing = {index: taken_s - due_s + robot.outputs[index].period_s for index, due_s in robot.early.missing}
     others = (floor for floor in robot.early.floors if floor.index not in missing and taken_s < floor.until_s)
     return (*others, *(Floor(index, margin_s, taken_s + FLOOR_S) for index, margin_s in missing.items()))
 
 
 def floors(robot: Robot, now_s: float) -> tuple[tuple[int, float], ...]:
-    """Return the outputs, by index, that are waited for longer because of a mistake, and the least margins."""
+    """Return (index, least margin) of the outputs with a longer margin because of a mistake."""
     return tuple((floor.index, floor.margin_s) for floor in robot.early.floors if now_s < floor.until_s)
 
 
 def prove(robot: Robot, now_s: float) -> Robot:
-    """Wait for messages again once a stay in the cloud has lasted."""
+    """Allow takeovers by silence again once a stay in the cloud has lasted long enough."""
     if robot.early.off and robot.phase is Phase.CLOUD and now_s - robot.charged_s > PROVEN_S:
         return replace(robot, early=Early(floors=robot.early.floors))
     return robot

@@ -1,6 +1,6 @@
-"""What the robot's control process knows of the cloud, and the questions that are no hard limit (limits.py).
+"""What the robot's control process knows of the cloud, and the checks that are not hard limits (limits.py).
 
-Is a beat a good one; is the loop fast enough to be worth it; do the clocks agree.
+Is a beat good, is the loop fast enough to be worth it, and do the clocks agree?
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from robot_offload_core.words.settings import InputSpec, OutputSpec, Settings
 
 @dataclass(frozen=True)
 class Situation:
-    """What the robot's control process was told, besides the link. Times on its steady clock, seconds.
+    """What the robot's control process has heard, besides the link. Times on its steady clock, seconds.
 
     Attributes:
-        report: newest of the cloud.
-        control_age_s: silence of its control when it was sent.
+        report: newest report of the cloud.
+        control_age_s: silence of the cloud's control when that report was sent.
         good_s: arrival of the newest good beat of this stay.
-        pulse_s: our pulse process last sent a beat.
+        pulse_s: when our pulse process last sent a beat.
         gate: newest report of the collector, at gate_s.
         data_connected, data_cloud, data_heard_s: see DataReported.
-        data_s: when it was told.
+        data_s: when the data process reported them.
     """
 
     report: CloudReport | None = None
@@ -45,17 +45,17 @@ class Situation:
 
 
 class Circumstances(NamedTuple):
-    """Against what the situation is judged.
+    """The values against which the situation is judged.
 
     Attributes:
         incarnation: of the robot's control process.
-        partner: incarnation of the cloud addressed; "" while the robot acts and nobody is addressed yet.
+        partner: incarnation of the cloud addressed; "" while the robot acts and addresses no cloud yet.
         epoch: under which the cloud acts.
         settings, inputs: from the configuration.
-        stall_until_s: silence is not judged before this (our own stall), see limits.cloud_fault.
+        stall_until_s: silence is not judged before this time (our own stall), see limits.cloud_fault.
         starved: our own stalls have followed each other for longer than a lease.
-        outputs: from the configuration, as the collector numbers them.
-        shape: of the configuration; "" unknown.
+        outputs: from the configuration, in the collector's numbering.
+        shape: of the configuration; "" if unknown.
     """
 
     incarnation: str
@@ -76,7 +76,7 @@ def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> b
         beat: of the cloud.
         arrived_s: when it arrived.
         link: to the cloud addressed.
-        frame: with the epoch that the cloud is to act under, also while it only gets ready.
+        frame: with the epoch under which the cloud is to act, even while it only gets ready.
     """
     report = beat.body
     if not isinstance(report, CloudReport) or beat.echo is None or beat.echo.incarnation != frame.incarnation:
@@ -91,7 +91,7 @@ def is_good(beat: Beat, arrived_s: float, link: Link, frame: Circumstances) -> b
 
 
 def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
-    """Return the thesis's rule on the loop latency: t_l + t_c_cloud <= t_c_robot + tolerance."""
+    """Judge the loop latency by the thesis's rule: t_l + t_c_cloud <= t_c_robot + tolerance."""
     latency_s = links.latency_s(link, now_s, settings.beat_period_s)
     limit_s = settings.allowed_loop_s
     silent_s = float("inf") if link.heard_s is None else now_s - link.heard_s
@@ -103,7 +103,7 @@ def fitness(link: Link, settings: Settings, now_s: float) -> Fitness:
 
 
 def clock_fault(link: Link, settings: Settings) -> Verdict | None:
-    """Return the veto on system clocks that differ: user nodes compare stamps."""
+    """Return a veto if the system clocks differ, because user nodes compare stamps; None if they agree."""
     excess_s = links.clock_excess_s(link)
     if excess_s <= settings.max_clock_offset_s:
         return None

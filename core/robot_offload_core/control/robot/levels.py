@@ -1,4 +1,4 @@
-"""What the robot's control keeps up in others: permission, gate and acting, given out anew when they changed."""
+"""The levels that the robot's control keeps up in other processes: permission, gate and acting."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_offload_core.words.slow_outputs import SlowOutput
 
 
 def outputs_flow_now(robot: Robot, now_s: float) -> bool:
-    """Return the robot's rated outputs, as the collector hears them, are not silent (known only while the robot acts).
+    """Return whether no rated output of the robot is silent at the collector (known only while the robot acts).
 
     Without a collector nothing reaches the consumers.
     """
@@ -48,8 +48,8 @@ def _slow(robot: Robot) -> Iterator[SlowOutput]:
 def outputs_heard_now(robot: Robot, now_s: float) -> bool:
     """Return whether the collector passes the robot and has seen a message of each rated output in time.
 
-    No grace counts, for pauses of whichever process or for a new charge, but for outputs that are slower than nodes
-    wake: nobody waits for the next message of those unless nothing is known of them for longer than their deadline.
+    A pause of any process or a new charge gives no grace. Only outputs that are slower than nodes activate get one: no
+    message of theirs is needed until they have been silent for longer than their deadline.
     """
     if IN_CHARGE[robot.phase] is Site.CLOUD:
         return True
@@ -69,7 +69,7 @@ def outputs_heard_now(robot: Robot, now_s: float) -> bool:
 
 
 def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
-    """Give the three levels out when they changed or a beat period has passed."""
+    """Send the three levels if they changed or a beat period has passed."""
     settings = robot.settings
     allowed = grant.permission(robot.grant, robot.link.peer)
     token = allowed.token
@@ -81,7 +81,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
     cloud_while = _cloud_while(robot)
     prompt = robot.preparation is not None and robot.preparation.prompt
     floors = fast_takeover.floors(robot, now_s) if robot.early.floors else ()
-    # All that the three levels are made of: they are put together only when they are given out.
+    # All that the three levels are made of; they are built only when they are sent.
     levels = (
         token, allowed.granted, settings.lease_s, allowed.in_charge, robot.epoch, robot.candidate if armed else 0,
         robot.phase is Phase.CLOUD, outputs_flow, outputs_heard, stop, silent,
@@ -112,7 +112,7 @@ def give_out(robot: Robot, now_s: float, commands: list[Command]) -> Robot:
 
 
 def _cloud_while(robot: Robot) -> tuple[int, ...]:
-    """Return the outputs whose `while` is true in the cloud, by its newest report."""
+    """Return the outputs, by index, whose `while` is true in the cloud's newest report."""
     report = robot.situation.report
     rated = 0 if report is None or report.serves != robot.incarnation else report.rated
     return tuple(i for i, o in enumerate(robot.outputs) if o.while_ is not None and rated >> i & 1)

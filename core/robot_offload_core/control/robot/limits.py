@@ -1,8 +1,8 @@
 """The hard limits: the worst of pulse, data, inputs and outputs decides whether the cloud may act (protocol section 1).
 
-One ordered table. Any broken limit ends a stay in the cloud at once and forbids a new one. Its column `basis` says
-what happens after a stall of the robot's own control process: silence counts anew from the end of the stall, because
-what came meanwhile may still be unread; what was reported is judged at once, because no stall of ours makes it up.
+One ordered table. Any broken limit ends a stay in the cloud at once and forbids a new one. The column `basis` states
+what happens after a stall of the robot's own control process. Silence counts anew from the end of the stall, because
+messages may still be unread. Reports are judged at once, because a stall of ours cannot cause them.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from robot_offload_core.words.beats import CloudReport
 from robot_offload_core.words.reasons import Reason, Verdict, silence
 
 DATA_TIMEOUT_S = 0.5
-"""Silence of the data session's probes (ten a second) that means it is dead, while rated outputs are judged sooner."""
+"""Silence of the probes (ten a second) after which the data session is dead; rated outputs are judged sooner."""
 
 
 class Readings(NamedTuple):
-    """What the limits are held against; `report` is the situation's. Times on the robot's steady clock, seconds."""
+    """Values checked against the limits; `report` is the situation's. Times on the robot's steady clock, seconds."""
 
     situation: Situation
     link: Link
@@ -32,12 +32,12 @@ class Readings(NamedTuple):
     report: CloudReport | None
 
     def silent(self, heard_s: float | None, limit_s: float) -> bool:
-        """Return whether nothing was heard for longer than the limit, or never."""
+        """Return whether nothing was heard for longer than the limit, or ever."""
         return heard_s is None or self.now_s - heard_s > limit_s
 
 
 class Basis(Enum):
-    """What a limit is judged by: that nothing came (counts from the end of a stall), or what came (counts at once)."""
+    """What a limit is judged by: silence (counts from the end of a stall) or a report (counts at once)."""
 
     SILENCE = "silence"
     REPORTED = "reported"
@@ -64,15 +64,15 @@ def cloud_fault(
     situation: Situation, link: Link, frame: Circumstances, now_s: float, *, acting: bool,
     without: frozenset[Reason] = frozenset(),
 ) -> Verdict | None:  # fmt: skip
-    """Return the first broken hard limit, None when all hold.
+    """Return the first broken hard limit, None if all hold.
 
-    After a stall of our own process the cloud is never kept in charge for longer than a lease: it has stopped by then.
-    A process that stalls again and again judges silence all the same, or rather says that it is in no state to judge.
+    After a stall of our own process the cloud is kept in charge for a lease at most: it has stopped by then. A process
+    that stalls repeatedly judges silence anyway, or rather reports that it is unable to judge.
 
     Args:
         situation: everything heard besides the link.
         link: to the cloud addressed.
-        frame: against what the situation is judged.
+        frame: the values against which the situation is judged.
         now_s: on the robot's steady clock.
         acting: the cloud is in charge, not only wished for.
         without: limits that are not judged.
@@ -275,7 +275,7 @@ LIMITS: tuple[Limit, ...] = (
     Limit(Reason.INPUTS_DIFFER, _R, False, _inputs_differ),
     Limit(Reason.INPUT_STALE, _R, False, _input_stale),
 )
-"""In order: the first broken one is given, causes before what follows from them."""
+"""In order: the first broken one is returned, causes before their consequences."""
 JUDGED: tuple[tuple[tuple[Limit, ...], ...], ...] = tuple(
     tuple(
         tuple(
@@ -287,4 +287,4 @@ JUDGED: tuple[tuple[tuple[Limit, ...], ...], ...] = tuple(
     )
     for acting in (False, True)
 )
-"""What is judged of them: by whether the cloud acts, and by whether our own process has stalled."""
+"""The limits to judge, by whether the cloud acts and whether our own process has stalled."""

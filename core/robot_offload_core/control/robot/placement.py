@@ -1,4 +1,4 @@
-"""The words of the robot's placement machine: its phases, state, events and commands. `switcher.step` joins them."""
+"""The robot's placement machine: its phases, state, events and commands. `switcher.step` connects them."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class Wish:
     until_s: float | None = None
 
     def holds(self, now_s: float) -> bool:
-        """Return whether it still stands."""
+        """Return whether the wish still holds."""
         return self.until_s is None or now_s < self.until_s
 
 
 @dataclass(frozen=True)
 class CloudLeaving:
-    """The cloud's pods are going: the robot is to act, and not to choose this cloud again before `until_s`.
+    """The cloud's pods are stopping: the robot is to act, and not to choose this cloud again before `until_s`.
 
     Attributes:
-        cloud: incarnation of the cloud that said so; another one is chosen as soon as it is heard.
+        cloud: incarnation of the cloud that announced it; another one may be chosen as soon as it is heard.
     """
 
     cloud: str
@@ -79,9 +79,9 @@ class RelayReported:
 
     Attributes:
         candidate: token of the preparation that `pending` is about.
-        pending: (reason, message) of each thing that is missing.
+        pending: (reason, message) of everything that is missing.
         hold: an action with a goal that must not be interrupted; "" for none.
-        hold_for_s: how long a change waits.
+        hold_for_s: how long a change waits for it.
         unfit: a mirror on the robot ended long before its goal: the robot must not take over by silence.
     """
 
@@ -97,12 +97,12 @@ class Handing:
     """What is handed over besides outputs.
 
     Attributes:
-        served: services or actions are declared, so a relay says what a change waits for.
-        report: its newest report.
-        held_s: since when a change waits for a goal that must not be interrupted; None: none waits.
-        kept: state is declared, so the data processes say what a change waits for.
+        served: services or actions are declared, so a relay reports what a change waits for.
+        report: newest report of the relay.
+        held_s: since when a change waits for a goal that must not be interrupted; None if none waits.
+        kept: state is declared, so the data processes report what a change waits for.
         states: newest report of each side about the state that it lacks.
-        lacked_s: since when a change waits for state before it begins; None: none waits.
+        lacked_s: since when a change waits for state before it begins; None if none waits.
     """
 
     served: bool = False
@@ -115,7 +115,7 @@ class Handing:
 
 @dataclass(frozen=True)
 class Floor:
-    """Least margin with which an output, by index, is waited for, until a time; seconds."""
+    """Least margin for the messages of an output (by index), valid until a time; seconds."""
 
     index: int
     margin_s: float
@@ -127,11 +127,11 @@ class Early:
     """Takeovers by silence (fast_takeover.py). Times on the robot's steady clock, seconds.
 
     Attributes:
-        taken_s: the last one, while it is not judged; None then.
-        missing: the outputs of which it missed a message, by index, and when that message was due.
-        mistakes_s: of those that no limit confirmed, the latest.
-        off: there were too many: none happens.
-        floors: what the mistakes have taught.
+        taken_s: time of the last takeover, until it is judged; then None.
+        missing: (index, due time) of the outputs whose message was missing.
+        mistakes_s: times of the latest takeovers that no limit confirmed.
+        off: there were too many mistakes, so no takeover by silence happens.
+        floors: margins learned from the mistakes.
     """
 
     taken_s: float | None = None
@@ -146,11 +146,11 @@ class Stalls:
     """Steps of our own that came late. Times on the robot's steady clock, seconds.
 
     Attributes:
-        stepped_s: the last step; None before the first.
-        until_s: silence is not judged before this.
-        last_s: end of the last stall; None when there was none.
+        stepped_s: time of the last step; None before the first.
+        until_s: silence is not judged before this time.
+        last_s: end of the last stall; None if there was none.
         first_s: end of the first stall of the present row: stalls with less than HEALTHY_S between them.
-        read_s: the last Tick, when all that had arrived was read: silence is judged as of then; None before the first.
+        read_s: last Tick, when all that had arrived was read; silence is judged as of then. None before the first.
     """
 
     stepped_s: float | None = None
@@ -168,7 +168,7 @@ class Robot:
         grant: what the cloud is allowed: epochs, the cloud addressed, the preparation; see the fence.
         started_us: start of this control process.
         settings, inputs: from the configuration.
-        asked: settings that are to hold as soon as that is safe (settling).
+        asked: settings to be applied as soon as that is safe (settling).
         link: health of the link to the cloud addressed.
         policy: state of the rule.
         phase, since_s: the present phase and when it began.
@@ -178,23 +178,23 @@ class Robot:
         both_silent: the last preparation for need ended because the cloud's outputs were as silent as the robot's.
         situation: everything heard besides the link, see Situation.
         nodes_ready: the robot's CORE nodes are Active.
-        outputs: from the configuration, as the collector numbers them.
-        slow: what is known of them (slow_outputs.py).
-        shape: of the configuration (shape.py); "" unknown.
+        outputs: from the configuration, in the collector's numbering.
+        slow: state of the rated outputs (slow_outputs.py).
+        shape: of the configuration (shape.py); "" if unknown.
         duplicated: the robot has duplicated nodes; without any there is nothing to change over.
         hot: its duplicated CORE nodes are Hot, so it can go on at once.
         early: see Early.
         robot_while: the outputs, by index, whose `while` is true on the robot.
         vetoes: of each source that has any.
-        forbidden_s: since when one of them stands that hardens; None: none does.
+        forbidden_s: since when a veto that hardens holds; None: none does.
         pin: on the robot.
         manual: the last switch by hand.
-        leaving: what the cloud said of its end.
+        leaving: the end that the cloud has announced.
         stalls: see Stalls.
         handing: see Handing.
         fell_at_s: when the robot became unable to act; None while able.
         decided, decided_s: the last decision given out, and when.
-        levels, levels_s: what the levels last given out were made of, and when they were.
+        levels, levels_s: what the levels last sent were made of, and when they were sent.
     """
 
     grant: Grant
@@ -259,15 +259,15 @@ class Robot:
         return self.grant.cloud
 
     def slowest_output_s(self, *, prompt: bool = False) -> float:
-        """Return the longest deadline of a rated output, or of those that are not slow; 0 without any."""
+        """Return the longest deadline of a rated output; with `prompt`, of one that is not slow. 0 without any."""
         bound_s = self.settings.activation_deadline_s
         judged = (o for o in self.outputs if o.rated and not (prompt and is_slow(o, bound_s)))
         return max((o.deadline_s for o in judged), default=0.0)
 
     def judged_s(self, now_s: float) -> float:
-        """Return as of when silence is judged: the last Tick, or the newest beat that was taken since.
+        """Return the time as of which silence is judged: the last Tick, or the newest beat taken since.
 
-        Between two Ticks the message that ends a silence may still be unread, behind the one that is taken now.
+        Between two Ticks the message that ends a silence may still be unread, behind the present one.
         """
         if self.stalls.read_s is None:
             return now_s
@@ -279,10 +279,10 @@ class CloudBeat:
     """A beat of the cloud arrived at the pulse process.
 
     Attributes:
-        beat: it.
+        beat: the beat.
         arrived_s: on this host's steady clock.
         wall_us: system clock minus steady clock here.
-        sent: the newest beat of our own, which came along; None where none did.
+        sent: our own newest beat, reported with it; None if there was none.
     """
 
     beat: Beat
@@ -300,11 +300,11 @@ class GateReported:
 
 @dataclass(frozen=True)
 class NodesReported:
-    """Level of the guardian, given with each tick.
+    """Level of the guardian, sent with each tick.
 
     Attributes:
         ready: the robot's duplicated CORE nodes are Active.
-        duplicated: there are duplicated nodes at all.
+        duplicated: there are duplicated nodes.
         hot: the duplicated CORE nodes are Hot.
         asleep: rated outputs, by index, whose node is known and not Active.
     """
@@ -324,14 +324,14 @@ class WhileReported:
 
 @dataclass(frozen=True)
 class Veto:
-    """Something that forbids the cloud or hinders the way there, found by another process.
+    """A finding of another process that forbids the cloud or delays a change to it.
 
     Attributes:
-        reason: of the kind LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned, and one
-            that hardens becomes a LIMIT when that has not come about by the activation deadline) or ATTEMPT (the policy
-            does not begin a stay; pins and switches by hand wait for it, see readiness.py).
+        reason: its kind is LIMIT (ends a stay in the cloud at once), VETO (the robot takes over as if pinned; a veto
+            that hardens becomes a LIMIT if the robot is not in charge by the activation deadline) or ATTEMPT (the
+            policy does not begin a stay; pins and switches by hand wait for it, see readiness.py).
         message: for people.
-        stops: the driver is to be stopped meanwhile (`strict`), whoever acts.
+        stops: the driver is to be stopped meanwhile (`strict`), whichever side acts.
         of_robot: it is about the robot's own replica: it does not forbid the cloud, and stops the driver only while
             the robot acts.
     """
@@ -344,7 +344,7 @@ class Veto:
 
 @dataclass(frozen=True)
 class Vetoed:
-    """Level of one source: all vetoes that it knows of now; none takes its earlier ones back."""
+    """Level of one source: all its present vetoes; an empty level withdraws its earlier ones."""
 
     source: str
     vetoes: tuple[Veto, ...] = ()

@@ -1,4 +1,4 @@
-"""What the robot's control process does around the placement machine: levels out, reports in, requests of the cloud."""
+"""What the robot's control process does around the placement machine: levels out, reports in, the cloud's requests."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ from robot_offload_core.words.settings import InputSpec, NodeSpec, OutputSpec, S
 LEVELS_PER_LEASE = 5
 UNSEEN = State.UNKNOWN.value
 REPLICA_GRACE_S = 3.0
-"""How long a replica may be on its way before it is reported missing."""
+"""How long a replica may take to appear before it is reported missing."""
 UNREAD_MOST_S = 0.045
-"""Longest time between two Ticks, but for a turn: below what counts as a stall."""
+"""Longest time between two Ticks, apart from a turn: below what counts as a stall."""
 STEPPED_MOST_S = 0.015
 """A Tick is left out only after a step at most this old: with a turn in 30 ms the gap stays below a stall (50 ms)."""
 DEADLINE_MARGIN_S = 0.0005
@@ -53,19 +53,19 @@ VETOES = {
         Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER, Reason.TWO_REPLICAS, Reason.SECOND_SESSION,
     )
 }  # fmt: skip
-"""Problems that other processes find and that forbid the cloud, or hinder the policy."""
+"""Problems found by other processes that forbid the cloud or stop the policy."""
 FROM_CLOUD = 0
-"""Key of a switch by hand that was asked for in the cloud."""
+"""Key of a switch by hand requested in the cloud."""
 
 
 class RobotControlPorts(ControlPorts, Protocol):
-    """What the shell does for the robot's control process besides."""
+    """What else the shell does for the robot's control process."""
 
     def decided(self, decided: Decided) -> None:
         """Log a decision and publish the placement."""
 
     def effects_changed(self) -> None:
-        """Publish the placement again: another side's effects are admitted now."""
+        """Publish the placement again, because another side's effects are admitted now."""
 
     def available(self, statements: tuple[Available, ...]) -> None:
         """Publish which nodes with placement Cloud have results that reach the robot."""
@@ -73,21 +73,21 @@ class RobotControlPorts(ControlPorts, Protocol):
 
 @dataclass(frozen=True)
 class RobotPlan:
-    """What the configuration says of the robot's control.
+    """Configuration of the robot's control.
 
     Attributes:
         settings: of the robot's file.
         asked: settings in force, which may have been changed since.
         inputs: topics to the cloud.
-        nodes: managed here.
+        nodes: nodes managed here.
         has_driver: there is an inhibit service.
-        pin: of a person on the robot.
+        pin: set by a person on the robot.
         outputs: the collected outputs.
-        publishers: the node that publishes each of them; "" unknown.
+        publishers: the node that publishes each of them; "" if unknown.
         strict: a second or undeclared publisher stops the driver.
         has_relay: services or actions are declared.
         has_state: state is declared.
-        shape: of the configuration (shape.py); "" unknown.
+        shape: of the configuration (shape.py); "" if unknown.
     """
 
     settings: Settings
@@ -105,21 +105,21 @@ class RobotPlan:
 
 
 class RobotControlProcess(ControlProcess):
-    """See the module.
+    """The robot's control process.
 
     Attributes:
         robot: state of the placement machine.
         data_status, collector_status: newest reports with details.
         replicas: (node, state) in the cloud.
-        levels: what was sent last to each process, and when.
+        levels: last message to each process, and when it was sent.
         relay_status: newest report of the relay.
         asked_in_cloud, cloud_answer: newest request from the cloud, and the answer, `0 or 1|message`.
         rest: whether this side's nodes stay Active for their goals.
-        left: (cloud, its last announced end), as far as obeyed.
+        left: (cloud, its last announced end) that was obeyed.
         effects: the side whose effects were admitted at the last look.
-        refused_words: how many requests from the cloud were none.
+        refused_words: number of invalid requests from the cloud.
         heard: the newest event was a beat of our cloud.
-        stated: what was last published of the nodes with placement Cloud.
+        stated: last published availability of the nodes with placement Cloud.
     """
 
     def __init__(self, plan: RobotPlan, ports: RobotControlPorts, incarnation: str, started_us: int) -> None:
@@ -161,7 +161,7 @@ class RobotControlProcess(ControlProcess):
     # -- events in ----------------------------------------------------------------------------------------------------
 
     def arrived(self, beat: Beat, arrived_s: float, wall_us: int, sent: PulseSent | None = None) -> None:
-        """Take a beat of the cloud, and our own newest."""
+        """Take a beat of the cloud, and our own newest beat."""
         self.step(CloudBeat(unveil(beat, self.incarnation), arrived_s, wall_us, sent))
         self.heard = self.robot.link.heard_s == arrived_s
 
@@ -191,13 +191,13 @@ class RobotControlProcess(ControlProcess):
             self._ask_for_cloud(message.word)
 
     def _states_reported(self, states: tuple[StateReported, ...]) -> None:
-        """Take what each side lacks of the state of the other."""
+        """Take the reports of what each side lacks of the other side's state."""
         for reported in states if self.robot.handing.kept else ():
             if reported not in self.robot.handing.states:
                 self.step(reported)
 
     def _relay_reported(self, status: RelayStatus) -> None:
-        """Take what the relay says: what a change waits for, and whether this side's nodes may be deactivated."""
+        """Take the relay's report: what a change waits for, and whether this side's nodes may be deactivated."""
         self.relay_status = status
         self.executing, self.relay_s = status.executing, self.ports.now_s()
         self._note_while()
@@ -209,7 +209,7 @@ class RobotControlProcess(ControlProcess):
             self.step(reported)
 
     def _note_while(self) -> None:
-        """Take which outputs must speak on the robot now."""
+        """Update which outputs must publish on the robot now."""
         if self.ports.now_s() - self.data_s > DATA_TIMEOUT_S:
             self.occasions = ()
         holding = self.holding()
@@ -217,7 +217,7 @@ class RobotControlProcess(ControlProcess):
             self.step(placement.WhileReported(holding))
 
     def veto(self, source: str, problems: Iterable[tuple[str, str]]) -> None:
-        """Take the problems, (reason, message), of one source: those in VETOES reach the machine."""
+        """Take the problems, (reason, message), of one source; those in VETOES reach the machine."""
         vetoes = tuple(
             placement.Veto(
                 VETOES[reason],
@@ -241,7 +241,7 @@ class RobotControlProcess(ControlProcess):
         self.step(placement.SetSettings(settings, inputs))
 
     def announce_leaving(self, leaving: str, until_s: float) -> bool:
-        """Take what the present cloud said of its end (`leaving`, "" for nothing); return whether that was new."""
+        """Take the present cloud's announcement of its end (`leaving`, "" for none); return whether it was new."""
         cloud = self.robot.link.peer
         if not leaving or (cloud, leaving) == self.left:
             return False
@@ -250,7 +250,7 @@ class RobotControlProcess(ControlProcess):
         return True
 
     def _ask_for_cloud(self, word: str) -> None:
-        """Carry out a switch by hand asked for in the cloud; each request once."""
+        """Carry out a switch by hand requested in the cloud, each request once."""
         if not word or word == self.asked_in_cloud:
             return
         self.asked_in_cloud = word
@@ -262,7 +262,7 @@ class RobotControlProcess(ControlProcess):
             self.cloud_answer = "0|Refused (NotUnderstood): the robot's agent does not know this request"
 
     def tick(self) -> None:
-        """Let time pass for the placement machine."""
+        """Tick the placement machine."""
         self.check_ready()
         self._note_while()
         if not self._has_judged():
@@ -274,7 +274,7 @@ class RobotControlProcess(ControlProcess):
     def _has_judged(self) -> bool:
         """Return whether a beat of our cloud was just processed; it checks the same limits as a Tick.
 
-        Silence is judged as of that beat then. What else comes, such as beats of strangers, takes no Tick's place.
+        Silence is then judged as of that beat. Other events, such as foreign beats, do not replace a Tick.
         """
         heard, self.heard = self.heard, False
         read_s, stepped_s, now_s = self.robot.stalls.read_s, self.robot.stalls.stepped_s, self.ports.now_s()
@@ -282,21 +282,21 @@ class RobotControlProcess(ControlProcess):
         return heard and read and stepped_s is not None and now_s - stepped_s < STEPPED_MOST_S
 
     def _state(self) -> None:
-        """Publish what has changed for the nodes with placement Cloud."""
+        """Publish the availability of the nodes with placement Cloud if it changed."""
         statements = available(self.robot, self.replicas, self.ports.now_s())
         if self.stated is None or [(s.node, s.reason) for s in statements] != [(s.node, s.reason) for s in self.stated]:
             self.stated = statements
             self.ports.available(statements)
 
     def next_deadline_s(self) -> float:
-        """Return when the loss of the cloud is certain: it is noticed to the millisecond, not at the next turn."""
+        """Return when the loss of the cloud is certain, to detect it to the millisecond, not at the next turn."""
         good_s = self.robot.situation.good_s
         if good_s is None or switcher.site(self.robot) is not Site.CLOUD:
             return float("inf")
         return good_s + self.settings.loss_timeout_s + DEADLINE_MARGIN_S
 
     def degraded(self) -> tuple[str, str] | None:
-        """Return a problem for dead nodes that nobody waits for, and for what a stay in the cloud goes on without."""
+        """Return a problem for dead nodes that are not CORE, and for what the active side lacks."""
         dead, lacks = super().degraded(), readiness.lacking(self.robot)
         found = [dead[1]] if dead is not None else []
         if lacks is not None and switcher.site(self.robot) is Site.CLOUD:
@@ -351,12 +351,12 @@ class RobotControlProcess(ControlProcess):
                 assert_never(command)
 
     def _note_called_off(self, decided: Decided) -> None:
-        """Let the robot's nodes stay Active for a while when their preparation ended for goals or state."""
+        """Keep the robot's nodes Active for a while if their preparation ended for goals or state."""
         if decided.phase is Phase.CLOUD and decided.verdict.reason in readiness.REASONS.values():
             self.rest.settle(self.ports.now_s() + self.settings.settle_for_s)
 
     def _act(self, command: Acting) -> None:
-        """Have the guardian follow; nodes whose goals still end are kept Active meanwhile."""
+        """Pass the level to the guardian; nodes with goals still to end are kept Active meanwhile."""
         if self.rest.keeps_active(command.acting, self.ports.now_s()):
             command = replace(command, acting=True, in_charge=False)
         guardian = self.guardian
@@ -396,7 +396,7 @@ class RobotControlProcess(ControlProcess):
         self._renew("relay", orders)
 
     def _renew(self, process: str, message: SetGate | Orders | RelayOrders) -> None:
-        """Send a level at once when it changed, else five times in a lease: the others live with an older one."""
+        """Send a level at once if it changed, else five times per lease: receivers can use an older one."""
         now_s = self.ports.now_s()
         level: Gate | Orders | RelayOrders
         if isinstance(message, SetGate):
@@ -415,24 +415,24 @@ class RobotControlProcess(ControlProcess):
         self.levels[process] = level, now_s
 
     def _answered_cloud(self) -> str:
-        """Return the answer to the last request from the cloud, a level in our probes."""
+        """Return the answer to the cloud's last request, which our probes carry as a level."""
         return f"{self.asked_in_cloud}|{self.cloud_answer}" if self.asked_in_cloud else ""
 
     # -- what is shown ------------------------------------------------------------------------------------------------
 
     def take_effects(self) -> Site | None:
-        """Return the side whose effects are admitted now, and remember it as published."""
+        """Return the side whose effects are admitted now, and record it as published."""
         self.effects = switcher.effects_site(self.robot, self.ports.now_s())
         return self.effects
 
     def sustained(self) -> int:
-        """Return 1 while the link sustains the cloud."""
+        """Return 1 if the link sustains the cloud, else 0."""
         now_s, heard_s = self.ports.now_s(), self.robot.link.heard_s
         alive = heard_s is not None and now_s - heard_s <= self.settings.loss_timeout_s
         return int(alive and health.fitness(self.robot.link, self.settings, now_s).ok)
 
     def missing_replicas(self) -> tuple[str, str] | None:
-        """Return a problem when the cloud, while it is connected, has not seen a duplicated node for a while."""
+        """Return a problem if the connected cloud has not seen a duplicated node for a while."""
         now_s = self.ports.now_s()
         report = self.data_status.report if self.data_status else None
         unseen = [

@@ -1,7 +1,7 @@
 """What a commanded change waits for besides nodes and outputs: goals, requests and state on the side that gets ready.
 
-Judged only while a side gets ready, by the robot's control. A loss and the return from a robot that cannot act wait for
-none of it, and nothing of it ends a stay.
+The robot's control judges it, only while a side gets ready. A takeover after a loss does not wait for any of it, nor
+does a change from a robot that cannot act, and none of it ends a stay.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ REASONS = {reason.value: reason for reason in (Reason.GOALS_PENDING, Reason.DIVE
 
 
 def lacking(robot: Robot) -> Verdict | None:
-    """Return what other processes found that keeps the policy from the cloud, but no person and nobody in need."""
+    """Return a finding of other processes that keeps the policy from the cloud, but not a person or a robot in need."""
     found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if not veto.reason.forbids)
     return next((Verdict(Site.ROBOT, veto.reason, veto.message) for veto in found), None)
 
 
 def pending(robot: Robot, preparation: Preparation, *, without_state: bool = False) -> Verdict | None:
-    """Return what the side that gets ready lacks, as the relay and the replicas say; None when nothing."""
+    """Return what the side that gets ready lacks, as reported by the relay and the replicas; None if nothing."""
     candidate = Site.CLOUD if robot.phase is Phase.TO_CLOUD else Site.ROBOT
     lacks = lacking(robot) if candidate is Site.CLOUD else None
     lacks = lacks or (None if without_state else _stale(robot, preparation, candidate))
@@ -39,7 +39,7 @@ def pending(robot: Robot, preparation: Preparation, *, without_state: bool = Fal
 
 
 def _stale(robot: Robot, preparation: Preparation, candidate: Site) -> Verdict | None:
-    """Return what the side that gets ready lacks of the state of the one that acts; None when nothing."""
+    """Return what the side that gets ready lacks of the active side's state; None if nothing."""
     if not robot.handing.kept:
         return None
     told = _said_of(robot.handing, candidate)
@@ -54,12 +54,11 @@ def _said_of(known: Handing, site: Site) -> StateReported | None:
 
 
 def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
-    """Return why a change to the side of `wish` does not begin yet; None when it begins.
+    """Return why a change to the side of `wish` does not begin yet; None if it begins.
 
-    A node takes its state when it becomes Active, so its side is not to get ready before the state is there. The policy
-    waits for that before a stay in the cloud, for as long as it takes. A person waits no longer than a preparation may
-    take, and so does any change to the robot: the sooner its nodes are Active, the shorter a loss is. A veto waits for
-    nothing.
+    A node takes its state when it becomes Active, so its side must not get ready before the state is there. Before a
+    stay in the cloud the policy waits for that without limit. A person waits no longer than a preparation may take, and
+    so does any change to the robot: the sooner its nodes are Active, the shorter a loss is. A veto does not wait.
     """
     lacks = _unknown(robot, wish.site)
     if lacks is None or wish.reason.kind is Kind.VETO:
@@ -69,7 +68,7 @@ def begins(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | 
 
 
 def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
-    """Return what the nodes of a side would lack if they became Active now; None when nothing."""
+    """Return what the nodes of a side would lack if they became Active now; None if nothing."""
     if not robot.handing.kept:
         return None
     told = _said_of(robot.handing, candidate)
@@ -80,14 +79,14 @@ def _unknown(robot: Robot, candidate: Site) -> Verdict | None:
 
 
 def _waited_out(robot: Robot, wish: Verdict, now_s: float) -> bool:
-    """Return whether a change has waited for state so long that it begins without."""
+    """Return whether a change has waited for state long enough and begins without it."""
     since_s = robot.handing.lacked_s
     bounded = wish.site is Site.ROBOT or wish.reason.urgent
     return bounded and since_s is not None and now_s - since_s >= robot.settings.preparing_s
 
 
 def content(robot: Robot) -> Robot:
-    """Return the robot when nobody wishes a change: nothing has waited for state."""
+    """Return the robot without a change that waits for state, as no change is wanted."""
     return _lacked(robot, None)
 
 
@@ -98,7 +97,7 @@ def _lacked(robot: Robot, lacked_s: float | None) -> Robot:
 
 
 def told(known: Handing, report: RelayReported | StateReported) -> Handing:
-    """Return what is handed over, with the newest word of the relay or of a data process."""
+    """Return what is handed over, with the newest report of the relay or of a data process."""
     if isinstance(report, RelayReported):
         return replace(known, report=report)
     return replace(known, states=(*(s for s in known.states if s.site is not report.site), report))
@@ -107,8 +106,8 @@ def told(known: Handing, report: RelayReported | StateReported) -> Handing:
 def may_arm(robot: Robot, preparation: Preparation, wish: Verdict, now_s: float) -> bool:
     """Return whether the collector may change over as far as goals, requests and state go.
 
-    A pin, a switch by hand or a veto waits until the deadline, then changes over without them; for state it waits once,
-    before the preparation or in it. A veto that hardens waits for none of them.
+    A pin, a switch by hand or a veto waits until the deadline, then changes over without them. It waits for state only
+    once, before or during the preparation. A veto that hardens does not wait for any of them.
     """
     impatient = wish.reason.hardens or (wish.reason.urgent and now_s >= preparation.patient_until_s)
     without_state = wish.reason.urgent and _waited_out(robot, wish, now_s)
@@ -134,9 +133,9 @@ def _held(robot: Robot, held_s: float | None) -> Robot:
 
 
 def interrupts(robot: Robot, wish: Verdict, now_s: float) -> tuple[Robot, Verdict | None]:
-    """Return why a preparation is called off: a goal began that must not be interrupted; None for no reason.
+    """Return why a preparation is called off, because a goal began that must not be interrupted; None for no reason.
 
-    Once the gate is armed the collector may have changed over already: to call that off would be a change back.
+    Once the gate is armed, the collector may have changed over already: calling off would be a change back.
     """
     preparation = robot.preparation
     if preparation is None or preparation.need or preparation.armed:

@@ -1,4 +1,4 @@
-"""Where everybody wants the robot's placement to be: people, the resource, the clocks, the cloud's end, the policy."""
+"""The side wanted by each source: people, the resource, the clocks, the cloud's end, the policy."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from robot_offload_core.words.replace import replace
 
 
 def pin(robot: Robot, now_s: float) -> Site | None:
-    """Return the side that placement is pinned to: on the robot, else in the resource."""
+    """Return the side pinned on the robot, else the one pinned in the resource."""
     if robot.pin is not None and robot.pin.holds(now_s):
         return robot.pin.site
     return robot.settings.pin
 
 
 def reported(robot: Robot) -> Iterator[Veto]:
-    """Yield what other processes found that forbids the cloud."""
+    """Yield the findings of other processes that forbid the cloud."""
     for vetoed in robot.vetoes:
         yield from (v for v in vetoed.vetoes if v.reason.forbids and not v.of_robot)
 
 
 def stop(robot: Robot) -> str:
-    """Return why the driver is to be stopped whoever acts; "" when it is not."""
+    """Return why the driver is to be stopped whichever side acts; "" if it is not."""
     acts = IN_CHARGE[robot.phase] is Site.ROBOT
     found = (veto for vetoed in robot.vetoes for veto in vetoed.vetoes if veto.stops)
     return next((veto.message for veto in found if acts or not veto.of_robot), "")
 
 
 def forbid(robot: Robot, vetoed: Vetoed, now_s: float) -> Robot:
-    """Return the robot with the newest vetoes of one source, and since when one stands that hardens."""
+    """Return the robot with the newest vetoes of one source, and with the time since one that hardens holds."""
     others = tuple(v for v in robot.vetoes if v.source != vetoed.source)
     robot = replace(robot, vetoes=(*others, vetoed) if vetoed.vetoes else others)
     if not any(v.reason.hardens for v in reported(robot)):
@@ -43,12 +43,12 @@ def forbid(robot: Robot, vetoed: Vetoed, now_s: float) -> Robot:
 
 
 def limits(robot: Robot, now_s: float, *, acting: bool) -> Iterator[Veto]:
-    """Yield what others found that is a hard limit now: also a veto that the robot could not obey in time.
+    """Yield the findings of others that are hard limits now, including a veto that the robot could not obey in time.
 
     Args:
         robot: state of the placement machine.
         now_s: on the robot's steady clock.
-        acting: the cloud is in charge, so that there is something to obey.
+        acting: the cloud is in charge, so that there is a veto to obey.
     """
     since_s = robot.forbidden_s
     overdue = acting and since_s is not None and now_s - since_s >= robot.settings.activation_deadline_s
@@ -58,7 +58,7 @@ def limits(robot: Robot, now_s: float, *, acting: bool) -> Iterator[Veto]:
 
 
 def veto(robot: Robot, now_s: float) -> Verdict | None:
-    """Return what forbids the cloud whatever anybody asks for, besides the hard limits."""
+    """Return what forbids the cloud regardless of any request, besides the hard limits."""
     fault = clock_fault(robot.link, robot.settings)
     leaving = robot.leaving
     if fault is None and leaving is not None and leaving.cloud == robot.link.peer and now_s < leaving.until_s:

@@ -1,4 +1,4 @@
-"""Steps of our own that came late: what may still be unread is no silence, but only for a while (see Stalls)."""
+"""Steps of our own that came late: unread messages do not count as silence, but only for a while (see Stalls)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ HEALTHY_S = 0.5
 
 
 def notice(robot: Robot, now_s: float) -> Robot:
-    """Notice that our own steps came late.
+    """Detect that our own steps came late.
 
-    The queues between our processes hold only so much: what came last during a stall may be lost. Therefore silence
-    counts from the end of the stall (for no longer than a lease, see limits.cloud_fault).
+    The queues between our processes are bounded: the last messages of a stall may be lost. Therefore silence counts
+    from the end of the stall (for no longer than a lease, see limits.cloud_fault).
     """
     stalls, settings = robot.stalls, robot.settings
     if stalls.stepped_s is not None and now_s - stalls.stepped_s > settings.stall_s:
@@ -24,6 +24,6 @@ def notice(robot: Robot, now_s: float) -> Robot:
 
 
 def starved(robot: Robot, now_s: float) -> bool:
-    """Return whether stalls have followed each other for longer than a lease: then waiting is no answer."""
+    """Return whether stalls have followed each other for longer than a lease, so that waiting no longer helps."""
     stalls = robot.stalls
     return now_s < stalls.until_s and now_s - stalls.first_s > robot.settings.lease_s

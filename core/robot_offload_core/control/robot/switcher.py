@@ -1,9 +1,9 @@
-"""The placement machine of the robot's side: the robot is the authority, the actuators are there.
+"""The placement machine of the robot's side: the robot has authority, because the actuators are there.
 
 Phases: ROBOT (the robot acts), TO_CLOUD (it acts while the cloud gets ready under a candidate epoch), CLOUD,
-TO_ROBOT (the cloud acts while the robot's nodes wake), TAKEOVER (the robot is in charge after a sudden loss, its CORE
-nodes are still waking). Every changeover, also one that is called off, uses a new epoch, so that the collector never
-has to go back. What the shell keeps up (permission, gate, acting) is a level, told again with every beat period.
+TO_ROBOT (the cloud acts while the robot's nodes activate), TAKEOVER (the robot is in charge after a sudden loss, its
+CORE nodes still activate). Every changeover, even one that is called off, uses a new epoch, so that the collector never
+has to go back. What the shell keeps up (permission, gate, acting) is a level, repeated every beat period.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from robot_offload_core.words.settings import Mode, Settings
 
 
 def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]]:
-    """Take in one event, decide, and give out the levels when they changed or a beat period has passed."""
+    """Take one event, decide, and send the levels if they changed or a beat period has passed."""
     commands: list[Command] = []
     before = robot
     robot = stalls.notice(robot, now_s)
@@ -62,7 +62,7 @@ def step(robot: Robot, event: Event, now_s: float) -> tuple[Robot, list[Command]
 
 
 def check(before: Robot, after: Robot, event: Event) -> None:
-    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError if the step from `before` to `after` broke an invariant."""
     preparing = after.phase in (Phase.TO_CLOUD, Phase.TO_ROBOT)
     changed = site(after) is not site(before)
     require(
@@ -91,7 +91,7 @@ def effects_site(robot: Robot, now_s: float) -> Site | None:
 
 
 def _settle(robot: Robot, asked: Settings, now_s: float) -> Robot:
-    """Take over changed settings, all of them once the cloud has stopped for sure."""
+    """Apply changed settings, all of them once the cloud has certainly stopped."""
     if robot.phase is Phase.ROBOT and effects_site(robot, now_s) is Site.ROBOT:
         return replace(robot, settings=asked, asked=None)
     return replace(robot, settings=meanwhile(robot.settings, asked))
@@ -195,7 +195,7 @@ def _by_hand(robot: Robot, asked: Site, now_s: float) -> tuple[Robot, bool, str]
 
 
 def frame(robot: Robot, now_s: float) -> Circumstances:
-    """Return what the situation is judged against."""
+    """Return the values against which the situation is judged."""
     return Circumstances(
         robot.incarnation, robot.partner, robot.epoch, robot.settings, robot.inputs, robot.stalls.until_s,
         stalls.starved(robot, now_s), robot.outputs, robot.shape,
@@ -331,10 +331,10 @@ def _move_from_robot(robot: Robot, verdict: Verdict, now_s: float, commands: lis
 
 
 def _in_need(robot: Robot, verdict: Verdict, now_s: float) -> bool:
-    """Return whether the robot could not act for longer than its nodes may take, and the cloud may be asked (again).
+    """Return whether the robot was unable to act for longer than its nodes may take, and may ask the cloud (again).
 
-    Retries grow, but not those of a robot that stands still: unless the cloud's outputs were as silent as the robot's.
-    Then there may be nothing to do, and to wake the cloud's nodes each second would not help.
+    Waits between retries grow, but for a robot that stands still only if the cloud's outputs were as silent as its own.
+    Then there may be nothing to do, and activating the cloud's nodes every second would not help.
     """
     if not _unable(robot, now_s) or not robot.duplicated:
         return False

@@ -1,6 +1,6 @@
-"""Which attempts there must be: the difference to those that are is offered, resumed or cancelled.
+"""Compute which attempts there must be; offer, resume or cancel the difference.
 
-One copy of every goal at the holder, one at the candidate of those that may be executed twice, none anywhere else.
+Every goal has one copy at the holder; one at the candidate if it may be executed twice; none anywhere else.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robot_offload_core.words.declared import WITHOUT_LIMIT_S, ActionSpec, OnSwi
 from robot_offload_core.words.replace import replace
 
 MOST_MOVES = 2
-"""Changes of the side that a `Resend` goal begins anew for; then a planned switch waits for its end."""
+"""After this many changes of the side that made a `Resend` goal begin anew, a planned switch waits for its end."""
 
 
 def settle(work: Work) -> None:
@@ -54,7 +54,7 @@ def settle(work: Work) -> None:
 
 
 def _settle_cancelled(work: Work, goal: Goal) -> None:
-    """Never offers again; ends when the holder has no copy whose own end could be waited for (rule 7)."""
+    """Make no further offer; end the goal if the holder has no copy that could still end by itself (rule 7)."""
     site, _ = work.acts(goal)
     on_holder = [a for a in goal.attempts if a.site is site and a.phase.live]
     late = work.now_s >= work.offers_until_s(goal) and all(a.phase is AttemptPhase.OFFERED for a in on_holder)
@@ -63,7 +63,7 @@ def _settle_cancelled(work: Work, goal: Goal) -> None:
 
 
 def _settle_holder(work: Work, goal: Goal) -> None:
-    """See that the holder has a copy or gets one, and end the goal when that takes too long (rules 1, 3, 12)."""
+    """Ensure that the holder has a copy or gets one, and end the goal when that takes too long (rules 1, 3, 12)."""
     site, token = work.acts(goal)
     if token is None or _away(work, goal):
         work.end(goal, GoalStatus.ABORTED, why=Why.CLOUD_AWAY)
@@ -86,26 +86,26 @@ def _settle_holder(work: Work, goal: Goal) -> None:
 
 
 def _away(work: Work, goal: Goal) -> bool:
-    """Return whether a goal of a node with placement Cloud has lost its cloud, or its cloud is another one now."""
+    """Return whether a goal of a node with placement Cloud has lost its cloud, or has another cloud now."""
     if not work.spec(goal).of_cloud:
         return False
     return not there(work.view, goal.action) or any(a.token != work.view.present for a in goal.attempts)
 
 
 def _show_executing(work: Work, goal: Goal) -> None:
-    """Show the client a copy that was accepted while its side only got ready, and is the holder's now."""
+    """Show the client a copy that was accepted while its side prepared and is now the holder's."""
     if goal.status is GoalStatus.ACCEPTED:
         work.put(replace(goal, status=GoalStatus.EXECUTING))
         work.shown.add(goal.action)
 
 
 def _renew(work: Work, goal: Goal) -> bool:
-    """Take an attempt of the cloud into a newer epoch of the same side; return whether there was one."""
+    """Move an attempt of the cloud to a newer epoch of the same side; return whether there was one."""
     return not work.spec(goal).of_cloud and _adopt(work, goal, work.holding.site, work.holding.token)
 
 
 def _adopt(work: Work, goal: Goal, site: Site, token: Token) -> bool:
-    """Take a live attempt of a side, if there is one, under another token; return whether there was one."""
+    """Put a side's live attempt, if there is one, under another token; return whether there was one."""
     attempt = _live_at(goal, site)
     if attempt is None:
         return False
@@ -137,7 +137,7 @@ def _offer(work: Work, goal: Goal, site: Site, token: Token, *, mirror: bool = F
 
 
 def _is_copied(work: Work, goal: Goal) -> bool:
-    """Return whether the goal goes to the side that gets ready too: `Resend` goals of CORE nodes (rule 2)."""
+    """Return whether the side that gets ready gets the goal too: `Resend` goals of CORE nodes (rule 2)."""
     spec, candidate = work.spec(goal), work.view.candidate
     return (
         candidate is not None
@@ -149,13 +149,13 @@ def _is_copied(work: Work, goal: Goal) -> bool:
 
 
 def _mirror_at(work: Work, goal: Goal) -> tuple[Site, Token] | None:
-    """Return the Hot standby that executes the goal too (rule 9); None where it is prepared, or for none."""
+    """Return the Hot standby that executes the goal too (rule 9); None without one, or while that side prepares."""
     found = None if goal.cancel else mirrored(work.view, work.spec(goal))
     return None if found is None or _is_copied(work, goal) else found
 
 
 def _settle_mirror(work: Work, goal: Goal, site: Site, token: Token) -> None:
-    """Keep a copy at the Hot standby. One that has ended is not begun again while the goal runs at the holder."""
+    """Keep a copy at the Hot standby. A copy that has ended is not begun again while the goal runs at the holder."""
     if _adopt(work, goal, site, token) or any(_ended_itself(a, site) for a in goal.attempts):
         return
     if work.now_s >= goal.copy_retry_s and able(work.view, site, goal.action) and _slot_free(work, goal, site):
@@ -167,7 +167,7 @@ def _ended_itself(attempt: Attempt, site: Site) -> bool:
 
 
 def unfit(ledger: Ledger, view: View, now_s: float) -> bool:
-    """Return whether a mirror ended although its goal has run on at the holder for another second (rule 9)."""
+    """Return whether a mirror ended although its goal ran on at the holder for another second (rule 9)."""
     live = (goal for goal in ledger.goals.values() if goal.ended_s is None)
     found = ((goal, mirrored(view, ledger.actions[goal.action])) for goal in live)
     return any(
@@ -186,7 +186,7 @@ def _copy_at(goal: Goal, site: Site, token: Token) -> Attempt | None:
 
 
 def preempted(ledger: Ledger, goal: Goal, site: Site, token: Token) -> bool:
-    """Return whether the goal's copy there ended because a later goal was accepted: it is never offered again."""
+    """Return whether the goal's copy there ended because a later goal was accepted; it is then never offered again."""
     return any(
         a.site is site
         and a.token == token
@@ -234,7 +234,7 @@ def pending(ledger: Ledger, view: View) -> tuple[str, ...]:
 
 
 def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
-    """Return the actions with a goal that the side that acts has not accepted for a while."""
+    """Return the actions with a goal that the active side has not accepted for a while."""
     lacking = set()
     for goal in ledger.goals.values():
         if goal.ended_s is not None or goal.cancel or now_s < goal.need_s + RETRY_S:
@@ -246,7 +246,7 @@ def waiting(ledger: Ledger, view: View, now_s: float) -> tuple[str, ...]:
 
 
 def held(ledger: Ledger) -> tuple[str, float]:
-    """Return an action with a goal that a planned switch waits for, and how long, seconds; ("", 0): none."""
+    """Return an action with a goal that a planned switch waits for, and the longest wait in seconds; ("", 0): none."""
     found = [(_held_for_s(goal, ledger.actions[goal.action]), goal.action) for goal in ledger.goals.values()]
     longest_s, action = max(found, default=(0.0, ""))
     return (action, longest_s) if longest_s > 0 else ("", 0.0)
@@ -255,8 +255,8 @@ def held(ledger: Ledger) -> tuple[str, float]:
 def _held_for_s(goal: Goal, spec: ActionSpec) -> float:
     """Return how long a planned switch waits for a goal.
 
-    A `Resend` goal that began anew MOST_MOVES times keeps its side: changes that are more frequent than the goal is
-    long would starve it. A mirror is in the middle of its goal, and a `Continue` goal loses nothing: neither starves.
+    A `Resend` goal that began anew MOST_MOVES times keeps its side: changes more frequent than the goal is long would
+    starve it. A mirror is already in the middle of its goal, and a `Continue` goal loses nothing: neither starves.
     """
     if goal.ended_s is not None or spec.of_cloud:
         return 0.0
@@ -270,7 +270,7 @@ def _held_for_s(goal: Goal, spec: ActionSpec) -> float:
 
 
 def _resume(work: Work, goal: Goal) -> None:
-    """Ask a relay or a server that knows an attempt what became of it, as soon as it can be asked."""
+    """Ask the relay or server that knows an attempt for its state, as soon as it can be asked."""
     for attempt in goal.attempts:
         if not attempt.resume or (attempt.site is Site.CLOUD and not work.view.heard):
             continue

@@ -1,6 +1,6 @@
-"""Carries words between the two relays: letters are written again until they are acknowledged and taken once.
+"""Carry words between the two relays: a letter is sent until it is acknowledged, and taken once.
 
-A letter is for one reader, by incarnation: a relay that was started again takes none meant for its predecessor.
+A letter is for one reader, by incarnation: a restarted relay takes none meant for its predecessor.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from robot_offload_core.relay.goals.words import Ack, Hello, RelayFrame, Word
 RESEND_S = 0.1
 """How often a letter is sent again until it is acknowledged."""
 WINDOW = 256
-"""Numbers that the reader remembers; a letter further behind is refused, so none is written so far ahead either."""
+"""Numbers that the reader remembers. An older letter is refused, so the writer never sends further ahead than this."""
 MAX_GONE = 64
 
 
 @dataclass
 class Letter:
-    """On its way. `due_s`: when it is written again."""
+    """A letter on its way. `due_s`: when it is sent again."""
 
     frame: bytes
     due_s: float
@@ -30,11 +30,13 @@ class Courier:
     """One relay's end.
 
     Attributes:
-        mine, peer: incarnations; peer "" while nobody is known.
-        gone: incarnations that were replaced: nothing of theirs counts any more.
-        letters: not acknowledged, by number.
-        acks: owed.
-        taken, highest: numbers that arrived.
+        mine: incarnation of this relay.
+        peer: incarnation of the other relay; "" while none is known.
+        gone: incarnations that were replaced: their frames no longer count.
+        letters: those not acknowledged, by number.
+        acks: numbers still to be acknowledged.
+        taken: numbers that arrived.
+        highest: highest number that arrived.
     """
 
     def __init__(self, mine: str) -> None:
@@ -48,7 +50,7 @@ class Courier:
         self.highest = 0
 
     def meet(self, peer: str) -> bool:
-        """Take up with a relay; return whether that is another one than before. Letters to the former are void."""
+        """Accept a relay as the peer; return True if it is new. Letters to the former peer are dropped."""
         if peer == self.peer or peer in self.gone:
             return False
         if self.peer:
@@ -63,7 +65,7 @@ class Courier:
         return True
 
     def write(self, word: Word, now_s: float) -> list[bytes]:
-        """Return queue a message for the peer and return what to send now. Without a peer the message is dropped."""
+        """Queue a message for the peer and return what to send now. Without a peer the message is dropped."""
         if not self.peer:
             return []
         self.number += 1
@@ -72,11 +74,11 @@ class Courier:
         return self._send(self.number, letter, now_s)
 
     def once(self, word: Word) -> bytes:
-        """Return a word that is written once."""
+        """Return the frame of a word that is sent once."""
         return words.encode(RelayFrame(self.mine, self.peer, 0, word))
 
     def due(self, now_s: float) -> list[bytes]:
-        """Return what is to be sent now: acknowledgements, and letters again."""
+        """Return what to send now: acknowledgements, and letters again."""
         out = [frame for number, letter in self.letters.items() if letter.due_s <= now_s
                for frame in self._send(number, letter, now_s)]  # fmt: skip
         if self.acks:
@@ -92,7 +94,7 @@ class Courier:
         return min((x.due_s for n, x in self.letters.items() if n < lowest + WINDOW), default=float("inf"))
 
     def take(self, frame: RelayFrame) -> Word | None:
-        """Take a frame of the peer; return its word, None when it is not for us or was taken before."""
+        """Take a frame of the peer; return its word, or None if it is not for this relay or was taken before."""
         if frame.writer != self.peer or not self.peer or isinstance(frame.word, Hello):
             return None
         if frame.reader != self.mine:

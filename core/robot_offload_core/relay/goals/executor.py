@@ -1,4 +1,4 @@
-"""What one relay does at the servers that it calls: attempts offered, cancelled until they are gone, results asked for.
+"""One relay's work at the servers that it calls: attempts offered, cancelled until they end, results requested.
 
 Knows nothing of clients and of the holder. The robot's relay has one for its own replica and one for servers outside
 the group, the cloud's relay one for its replica.
@@ -15,13 +15,13 @@ from robot_offload_core.relay.goals.ports import CancelCode, Face, GoalStatus, R
 from robot_offload_core.relay.goals.wire_ids import with_goal_id
 
 CANCEL_AGAIN_S = 0.5
-"""How often a server that did not end an attempt is asked again."""
+"""A server that did not end an attempt is asked again after this time."""
 SEEN_WITHIN_S = 5.0
 """A server that is not in the graph this long after an attempt was resumed is gone; discovery may take seconds."""
 MAX_DONE = 1024
-"""Ids of attempts that ended, so that a late word does not begin one of them again."""
+"""Ids of ended attempts that are remembered, so that a late word does not begin one of them again."""
 MAX_RESULTS_BYTES = 16 * 1024 * 1024
-"""Results kept for a relay that was started again and asks for them."""
+"""Limit of the results kept for a restarted relay that asks for them."""
 
 
 @dataclass
@@ -31,12 +31,12 @@ class Run:
     Attributes:
         action: public name.
         token: under which it runs.
-        accepted: the server has accepted it, or nobody knows and its result is asked for.
+        accepted: the server has accepted it, or that is unknown and its result is requested.
         cancel: it is to end.
-        cancel_due_s: when the server is asked for that (again).
-        sequence: of its newest feedback.
-        named_until_s: it is a mirror and needs no lease; -inf: none.
-        unasked_until_s: resumed, and its server is not in the graph yet; its result is to be asked for by then.
+        cancel_due_s: when the server is asked (again) to end it.
+        sequence: number of its newest feedback.
+        named_until_s: until when it may run without a lease, as a mirror; -inf: it is not one.
+        unasked_until_s: deadline to find the server of a resumed attempt and request its result; None: no deadline.
     """
 
     action: str
@@ -59,7 +59,7 @@ class OfferAnswered:
 
 @dataclass(frozen=True)
 class RunEnded:
-    """A server has said how an attempt ended. `leased`: this side was allowed to act under its token then."""
+    """A server has reported how an attempt ended. `leased`: this side was allowed to act under its token then."""
 
     attempt: bytes
     status: GoalStatus
@@ -69,7 +69,7 @@ class RunEnded:
 
 @dataclass(frozen=True)
 class RunGone:
-    """The server does not know the attempt any more, or went itself."""
+    """The server no longer knows the attempt, or is gone itself."""
 
     attempt: bytes
 
@@ -81,8 +81,8 @@ class Executor:
     """The attempts at the servers of one face.
 
     Attributes:
-        runs: that may be executed now, by attempt.
-        done: that are not, the newest ones, and how they ended if known.
+        runs: attempts that may be executed now, by id.
+        done: the newest attempts that may not, and how they ended if known.
         seen: (action) -> endpoints of the server that is in the graph.
     """
 
@@ -97,14 +97,14 @@ class Executor:
     # -- orders -------------------------------------------------------------------------------------------------------
 
     def offer(self, action: str, attempt: bytes, payload: bytes, token: Token, *, mirror: bool = False) -> None:
-        """Offer a goal under an id; an id that is known is never offered again."""
+        """Offer a goal under an id; a known id is never offered again."""
         if attempt in self.runs or attempt in self.done:
             return
         self.runs[attempt] = Run(action, token, named_until_s=_named(mirror))
         self.ports.offer(self.face, action, with_goal_id(payload, attempt))
 
     def cancel(self, attempt: bytes) -> None:
-        """End an attempt: now, or as soon as it is accepted, and again until it is gone."""
+        """End an attempt, now or when it is accepted; ask again until it has ended."""
         run = self.runs.get(attempt)
         if run is None:
             self._finish(attempt)
@@ -113,7 +113,7 @@ class Executor:
             self._ask_to_cancel(attempt, run)
 
     def resume(self, action: str, attempt: bytes, token: Token, *, mirror: bool = False) -> None:
-        """Take an attempt of a predecessor, or of an earlier epoch: the server says whether it knows it."""
+        """Take over an attempt of a predecessor or of an earlier epoch; the server reports whether it knows it."""
         if attempt in self.done:
             self.report(self.done[attempt] or RunGone(attempt))
             return
@@ -161,7 +161,7 @@ class Executor:
             self.report(ended)
 
     def feedback_arrived(self, attempt: bytes) -> int:
-        """Count a feedback message; return its sequence, 0 when the attempt is none of ours."""
+        """Count a feedback message; return its sequence number, or 0 if the attempt is not running here."""
         run = self.runs.get(attempt)
         if run is None:
             return 0
@@ -169,7 +169,7 @@ class Executor:
         return run.sequence
 
     def servers_seen(self, seen: dict[str, str]) -> None:
-        """Take the servers in the graph: one that left, or came back another, has forgotten its attempts (rule 10)."""
+        """Take the servers in the graph. One that left or was replaced has forgotten its attempts (rule 10)."""
         before, self.seen = self.seen, dict(seen)
         changed = {name for name, endpoints in before.items() if seen.get(name) != endpoints}
         for attempt in [a for a, run in self.runs.items() if run.action in changed]:
@@ -180,7 +180,7 @@ class Executor:
     # -- time ---------------------------------------------------------------------------------------------------------
 
     def turn(self) -> None:
-        """Ask again for cancels that are due, give up servers that do not come back."""
+        """Repeat cancels that are due; give up servers that do not come back."""
         now_s = self.ports.now_s()
         for attempt, run in list(self.runs.items()):
             if run.cancel_due_s <= now_s:

@@ -1,8 +1,8 @@
 """The journal of the robot's relay: what its successor needs, as records that are read strictly and in order.
 
-A record is whole or not there: length 4, CRC-32 4, body. A torn end is dropped, and so is everything behind it. What is
-written is never code and never pickled: a body is JSON with its bytes in hexadecimal, but for goals and results, whose
-payloads follow the JSON as they are.
+A record is whole or does not count: length 4, CRC-32 4, body. A torn end is dropped with everything behind it. Nothing
+is pickled, and nothing is code: a body is JSON with its bytes in hexadecimal. Only the payloads of goals and results
+follow the JSON unchanged.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MAX_RECORD = 4 * 1024 * 1024
 
 
 class JournalError(ValueError):
-    """A record that is none of ours."""
+    """A record that is not valid."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class UsedKept:
 
 @dataclass
 class Replayed:
-    """What a journal says.
+    """The content of a journal.
 
     Attributes:
         goals: in the client's order.
         holding: the newest stay that was taken into account.
         calls: open service calls, caller -> service.
-        dropped: records that were none of ours.
+        dropped: number of invalid records.
         used: goals at actions outside.
         near: goals of the robot's own nodes there, as their clients see them.
     """
@@ -68,12 +68,12 @@ class Replayed:
 
 
 def frame(record: bytes) -> bytes:
-    """Return a record as it lies in the file."""
+    """Return a record as it is stored in the file."""
     return FRAME.pack(len(record), zlib.crc32(record)) + record
 
 
 def unframe(data: bytes) -> Iterator[bytes]:
-    """Return the whole records at the beginning of a file's bytes; a torn one ends the row."""
+    """Return the whole records at the beginning of a file's bytes; stop at a torn one."""
     at = 0
     while at + FRAME.size <= len(data):
         size, check = FRAME.unpack_from(data, at)
@@ -88,7 +88,7 @@ def unframe(data: bytes) -> Iterator[bytes]:
 
 
 def changes(before: Ledger, after: Ledger) -> list[bytes]:
-    """Return the records of a step: what a successor must know of it."""
+    """Return the records of a step that a successor needs."""
     records = []
     if after.holding != before.holding:
         records.append(_record({"k": "stay", **_holding(after.holding)}))
@@ -106,7 +106,7 @@ def changes(before: Ledger, after: Ledger) -> list[bytes]:
 
 
 def whole(ledger: Ledger, calls: dict[bytes, str]) -> list[bytes]:
-    """Return the fewest records that say the same as all so far."""
+    """Return the fewest records that are equivalent to all so far."""
     records = [_record({"k": "stay", **_holding(ledger.holding)})]
     for goal in ledger.goals.values():
         records.append(_record({"k": "goal", **_goal(goal)}, goal.payload))
@@ -121,7 +121,7 @@ def call_opened(caller: bytes, service: str) -> bytes:
 
 
 def call_closed(caller: bytes) -> bytes:
-    """Return the record of its answer."""
+    """Return the record that a service call was answered."""
     return _record({"k": "done", "c": caller.hex()})
 
 
@@ -135,7 +135,7 @@ def used_kept(goal: UsedKept) -> bytes:
 
 
 def used_ended(goal_id: bytes) -> bytes:
-    """Return the record of its end."""
+    """Return the record that such a goal has ended."""
     return _record({"k": "unused", "id": goal_id.hex()})
 
 
@@ -149,12 +149,12 @@ def near_kept(goal: NearGoal) -> bytes:
 
 
 def near_forgotten(goal_id: bytes) -> bytes:
-    """Return the record that nobody asks for a goal's result any more."""
+    """Return the record that no client asks for a goal's result any more."""
     return _record({"k": "far", "id": goal_id.hex()})
 
 
 def replay(records: Iterable[bytes]) -> Replayed:
-    """Read records in order; one that is none of ours is left out."""
+    """Read records in order; leave out invalid ones."""
     said = Replayed()
     for record in records:
         try:

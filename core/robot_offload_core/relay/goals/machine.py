@@ -1,7 +1,7 @@
 """The ledger's machine: `step(ledger, event, view, now_s) -> (ledger, commands)`.
 
-An event only notes what it says; `attempts.settle` then compares what is with what must be and orders the difference.
-So it does not matter in which order words of two sides arrive, or which of them came twice.
+An event only records what it reports. `attempts.settle` then compares the attempts with what they must be and orders
+the difference. So words of the two sides may arrive in any order, or twice.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def start(
 
 
 def step(ledger: Ledger, event: Event, view: View, now_s: float) -> tuple[Ledger, list[Command]]:
-    """Take in one event; return the next state and what is to be done."""
+    """Process one event; return the next state and the commands."""
     work = Work(ledger, view, now_s)
     _notice_change(work)
     match event:
@@ -86,7 +86,7 @@ def step(ledger: Ledger, event: Event, view: View, now_s: float) -> tuple[Ledger
 
 
 def check(before: Ledger, after: Ledger, event: object) -> None:
-    """Raise InvariantError when the step from `before` to `after` broke what every step must keep."""
+    """Raise InvariantError if the step from `before` to `after` broke an invariant."""
     for goal_id, goal in after.goals.items():
         was = before.goals.get(goal_id)
         if was is goal:
@@ -106,7 +106,7 @@ def check(before: Ledger, after: Ledger, event: object) -> None:
 
 
 def _notice_change(work: Work) -> None:
-    """Begin a new stay: what waited for nothing goes on, what may not be executed twice ends (rules 3 and 7)."""
+    """Begin a new stay: continue goals that waited, end goals that must not be executed twice (rules 3 and 7)."""
     holding = work.view.holding
     known = work.ledger.holding
     if (holding.site, holding.stay) == (known.site, known.stay):
@@ -223,7 +223,7 @@ def _accepted(work: Work, goal: Goal, attempt: Attempt) -> None:
 
 
 def _counts(work: Work, goal: Goal, attempt: Attempt) -> bool:
-    """Return whether an attempt is the holder's copy: on its side, under its token, not called back by us."""
+    """Return whether an attempt is the holder's copy: on its side, under its token, not cancelled by this relay."""
     site, token = work.acts(goal)
     if attempt.site is not site or attempt.cancel:
         return False
@@ -261,14 +261,14 @@ def unasked(goal: Goal, event: Ended) -> tuple[GoalStatus, bytes]:
 
 
 def _of_earlier_stay(work: Work, attempt: Attempt, event: Ended) -> bool:
-    """Return whether a success of the side that held before counts: made there, and under its lease (rule 6)."""
+    """Return whether a success of the previous holder counts: reached on its side and under its lease (rule 6)."""
     held = attempt.site is not work.holding.site and attempt.token.epoch < work.holding.token.epoch
     same_control = attempt.token.robot == work.holding.token.robot
     return attempt.site is Site.CLOUD and held and same_control and event.under_lease
 
 
 def _early(work: Work, goal: Goal) -> bool:
-    """Return whether an end that nobody asked for is an effect of the change: within `timeout` after it (rule 3)."""
+    """Return whether an unrequested end is an effect of the change: within `timeout` after it (rule 3)."""
     spec = work.spec(goal)
     return goal.moved and spec.on_switch.resends and work.now_s < work.offers_until_s(goal)
 
@@ -286,7 +286,7 @@ def _gone(work: Work, event: Gone) -> None:
 
 
 def _need_another(work: Work, goal: Goal, why: Why) -> None:
-    """Offer another copy, or end the goal: the holder's came to nothing through no fault of the goal (rule 10)."""
+    """Offer another copy, or end the goal: the holder's copy was lost through no fault of the goal (rule 10)."""
     if goal.cancel:
         work.end(goal, GoalStatus.CANCELED, why=Why.CANCELED)
     elif work.spec(goal).on_switch.resends:

@@ -1,7 +1,7 @@
-"""Goals of a side's own nodes at actions outside the group, as these clients see them; both relays have such a table.
+"""Goals of a side's own nodes at actions outside the group, as these clients see them. Both relays have such a table.
 
-A client is accepted at once (behaviour trees wait 20 ms); what becomes of its goal outside is decided on the robot, see
-`used_goals`. Each client hears of each goal one result, made here where the server gave none.
+A client is accepted at once (behaviour trees wait 20 ms). The robot decides what becomes of its goal outside, see
+`used_goals`. Each client gets one result for each goal, made here if the server gave none.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from robot_offload_core.relay.goals.wire_ids import NO_GOAL
 from robot_offload_core.words.declared import UsedAction
 
 KEPT_S = 900.0
-"""How long a result is kept for a client that has not asked, as in rclpy's servers."""
+"""A result is kept this long for a client that has not asked, as in rclpy's servers."""
 STATUS = slice(4, 5)
-"""Of the serialized response of `get_result`."""
+"""Place of the status in the serialized response of `get_result`."""
 
 
 @dataclass
@@ -28,10 +28,10 @@ class NearGoal:
     Attributes:
         id: the client's, and the server's: a goal is offered to one server once.
         stamp_ns: when it was accepted.
-        cancel: the client asked for its end.
+        cancel: the client requested a cancel.
         waiting: open requests for its result.
         result: the server's response; b"": a default one.
-        ended_s: None while it lives.
+        ended_s: when it ended; None while it lives.
     """
 
     id: bytes
@@ -50,7 +50,7 @@ class NearGoal:
 
 
 class NearGoals:
-    """See the module. `changed` is called with each goal that is new or has changed, and with one that is forgotten.
+    """The table of goals. `changed` is called with each goal that is new, has changed, or is forgotten.
 
     Attributes:
         goals: by id, in the clients' order.
@@ -65,7 +65,7 @@ class NearGoals:
     # -- clients ------------------------------------------------------------------------------------------------------
 
     def accept(self, action: str, caller: bytes, goal_id: bytes) -> bool:
-        """Accept a client's goal at once; return False for one that is refused: its id is known, or too many live."""
+        """Accept a client's goal at once; return False if it is refused: its id is known, or too many live."""
         live = sum(1 for goal in self.goals.values() if goal.ended_s is None)
         if goal_id in self.goals or live >= MAX_LIVE:
             self.refuse(action, caller)
@@ -98,7 +98,7 @@ class NearGoals:
         return [goal.id for goal in chosen]
 
     def ask_result(self, action: str, caller: bytes, goal_id: bytes) -> None:
-        """Answer a question for a result, now or when the goal ends."""
+        """Answer a request for a result, now or when the goal ends."""
         goal = self.goals.get(goal_id)
         if goal is None or goal.action != action:
             self.ports.answer_result(Face.GROUP, action, caller, GoalStatus.UNKNOWN, b"")
@@ -111,7 +111,7 @@ class NearGoals:
     # -- what became of goals -----------------------------------------------------------------------------------------
 
     def executing(self, goal_id: bytes) -> None:
-        """Note that the server has accepted a goal."""
+        """Record that the server has accepted a goal."""
         goal = self.goals.get(goal_id)
         if goal is not None and goal.status is GoalStatus.ACCEPTED:
             goal.status = GoalStatus.EXECUTING
@@ -119,7 +119,7 @@ class NearGoals:
             self._show(goal.action)
 
     def end(self, goal_id: bytes, status: GoalStatus = GoalStatus.ABORTED, result: bytes = b"") -> bool:
-        """End a goal towards its client, once; return whether that was news. UNKNOWN: its server has forgotten it."""
+        """End a goal for its client; return whether it was still open. UNKNOWN: its server has forgotten it."""
         goal = self.goals.get(goal_id)
         if goal is None or goal.ended_s is not None:
             return False
@@ -134,7 +134,7 @@ class NearGoals:
         return True
 
     def feed(self, action: str, goal_id: bytes, payload: bytes) -> None:
-        """Pass feedback of a goal that lives."""
+        """Pass on feedback of a live goal."""
         goal = self.goals.get(goal_id)
         if goal is not None and goal.ended_s is None:
             self.ports.publish_feedback(Face.GROUP, action, payload)
@@ -144,7 +144,7 @@ class NearGoals:
         return [goal for goal in self.goals.values() if goal.ended_s is None]
 
     def _forget(self) -> None:
-        """Forget results that were kept long enough, and the oldest ones when they are too many."""
+        """Forget results that were kept long enough, and the oldest ones when there are too many."""
         now_s = self.ports.now_s()
         kept = sorted((g for g in self.goals.values() if g.ended_s is not None), key=lambda g: g.ended_s or 0.0)
         size, count = sum(len(goal.result) for goal in kept), len(kept)
@@ -161,7 +161,7 @@ class NearGoals:
 
 
 def _for_client(goal: NearGoal, status: GoalStatus, result: bytes) -> tuple[GoalStatus, bytes]:
-    """Return the end as the client hears it: never CANCELED when it did not ask for that (invariant 6e)."""
+    """Return the end as the client gets it: never CANCELED unless the client asked for that (invariant 6e)."""
     if status is GoalStatus.UNKNOWN:
         return (GoalStatus.CANCELED if goal.cancel else GoalStatus.ABORTED), b""
     if status is GoalStatus.CANCELED and not goal.cancel:

@@ -1,9 +1,9 @@
-"""What a relay's shell does for its machines, and in which words: who holds, whom a server or a client faces.
+"""What a relay's shell does for its machines, and the types it uses: the holder, and the face of a server or client.
 
-Payloads are serialized messages (CDR with its 4 bytes of encapsulation) and stay closed here, but for the goal id: the
-bytes 4 to 20 of a SendGoal request and of a feedback message, see `wire_ids`. A `caller` names one open request of a
-client: the request's identity as the middleware gave it (rmw_request_id_t, 24 bytes), never looked into. Whoever asks
-twice is two callers.
+Payloads are serialized messages (CDR with its 4 bytes of encapsulation). They are not read here, except for the goal
+id: bytes 4 to 20 of a SendGoal request and of a feedback message, see `wire_ids`. A `caller` names one open request of
+a client: the request's identity as the middleware gave it (rmw_request_id_t, 24 bytes), never interpreted. A client
+that asks twice is two callers.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import NamedTuple, Protocol
 from robot_offload_core.words.holding import Holding
 
 ALL_GOALS = bytes(16)
-"""Goal id with which a server is asked to end all its goals (action_msgs/srv/CancelGoal)."""
+"""Goal id that asks a server to end all its goals (action_msgs/srv/CancelGoal)."""
 
 
 class Face(str, Enum):
-    """Whom a server of the relay faces, and which servers its clients call.
+    """Whom a server of the relay serves, and which servers its clients call.
 
     As a server: `PUBLIC` are the clients outside the group by the public name (the robot's relay only), `GROUP` the
     nodes of this side's group that use a name served outside (both relays, by the private name).
@@ -66,7 +66,7 @@ class GoalEntry(NamedTuple):
 
 
 class RelayPorts(Protocol):
-    """What the shell of either relay does. No call may block, and none may call the relay back before it returns."""
+    """What the shell of either relay does. No call may block or call the relay back before it returns."""
 
     def now_s(self) -> float:
         """Return the steady clock, seconds (CLOCK_BOOTTIME, as the other processes)."""
@@ -92,10 +92,10 @@ class RelayPorts(Protocol):
         """Call `get_result`. The answer comes back as `result_arrived`, whenever the goal ends."""
 
     def call(self, face: Face, service: str, key: int, payload: bytes) -> None:
-        """Call a service. The answer comes back as `call_answered` with the same key; none may ever come."""
+        """Call a service. The answer, if there is one, comes back as `call_answered` with the same key."""
 
     def forget_call(self, key: int) -> None:
-        """Drop a call: its answer is not wanted any more."""
+        """Drop a call: its answer is no longer needed."""
 
     # -- as a server of clients ---------------------------------------------------------------------------------------
 
@@ -125,26 +125,26 @@ class RelayPorts(Protocol):
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
         """Answer a service call without a server's response, or drop it.
 
-        Where the response has a boolean `success`: a default response with `message` in its `message`. Elsewhere
-        nothing is sent (a ROS service knows no error) and the shell only logs and forgets the caller.
+        If the response has a boolean `success`, a default response with `message` in its `message` is sent. Otherwise
+        nothing is sent (a ROS service has no errors); the shell only logs and forgets the caller.
         """
 
 
 class RobotRelayPorts(RelayPorts, Protocol):
-    """What the shell of the robot's relay does besides."""
+    """What the shell of the robot's relay does in addition."""
 
     def holder(self) -> Holding:
-        """Read the collector's memory, now; a torn or missing one is read again, then what was read last holds."""
+        """Read the collector's memory, now. If it is torn or missing, read it again, then use the last good value."""
 
     def keep(self, record: bytes) -> bool:
-        """Append a record to the journal; return False when there is no room for it."""
+        """Append a record to the journal; return False if there is no room for it."""
 
     def compact(self, records: Sequence[bytes]) -> bool:
-        """Replace the whole journal, at once or not at all; return False when there is no room for that."""
+        """Replace the whole journal, at once or not at all; return False if there is no room for that."""
 
 
 class CloudRelayPorts(RelayPorts, Protocol):
-    """What the shell of the cloud's relay does besides."""
+    """What the shell of the cloud's relay does in addition."""
 
     def call_member(self, service: str, member: str, key: int, payload: bytes) -> None:
-        """Call a service at one pod of a pool; the answer comes as that of `call`."""
+        """Call a service at one pod of a pool; the answer comes back as that of `call`."""

@@ -1,4 +1,4 @@
-"""What may be asked of a ledger and of the view of a moment; nothing here changes anything."""
+"""Questions about a ledger and the view of a moment; nothing here changes anything."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ def able(view: View, site: Site, action: str) -> bool:
 
 
 def there(view: View, name: str) -> bool:
-    """Return whether a server with placement Cloud can be asked: its cloud is served and heard, and it is seen."""
+    """Return whether a server with placement Cloud can be asked: its cloud is served and heard, the server is seen."""
     return view.present is not None and view.heard and (Site.CLOUD, name) in view.up
 
 
 def acts(view: View, spec: ActionSpec) -> tuple[Site, Token | None]:
-    """Return who executes goals of an action, under which token: the holder, or always the cloud by presence."""
+    """Return the side that executes goals of an action, and its token: the holder, or always the cloud by presence."""
     return (Site.CLOUD, view.present) if spec.of_cloud else (view.holding.site, view.holding.token)
 
 
 def mirrored(view: View, spec: ActionSpec) -> tuple[Site, Token] | None:
-    """Return the Hot standby that gets goals of an action too (`mirror`), and its token; None for none."""
+    """Return the Hot standby that gets goals of an action too (`mirror`), and its token; None without one."""
     site = view.holding.site.other
     token = view.standby if site is Site.CLOUD else view.holding.token
     return (site, token) if spec.mirror and site in spec.hot and token is not None else None
 
 
 def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
-    """Return the attempt that counts on a side: the newest that lives and is not to end.
+    """Return the attempt that counts on a side: the newest live one that is not to be cancelled.
 
-    In the cloud only under this very token. On the robot under any: nothing stands between its relay and its server.
+    In the cloud it must carry this token. On the robot any token counts: nothing lies between its relay and its server.
     """
     for attempt in reversed(goal.attempts):
         if attempt.site is site and attempt.phase.live and not attempt.cancel:
@@ -50,12 +50,12 @@ def copy_of(goal: Goal, site: Site, token: Token | None) -> Attempt | None:
 
 
 def is_resent(ledger: Ledger, attempt: bytes) -> bool:
-    """Return whether an attempt is of a goal that was offered before: its execution begins anew."""
+    """Return whether the goal of an attempt was offered before, so that its execution begins anew."""
     return any(len(g.attempts) > 1 and any(a.id == attempt for a in g.attempts) for g in ledger.goals.values())
 
 
 def overtaken(ledger: Ledger, goal: Goal, attempt: Attempt) -> bool:
-    """Return whether a later goal of the action was accepted at the same server after this attempt was: preempted."""
+    """Return whether the attempt was preempted: the same server accepted a later goal of the action after it."""
     return any(
         other.action == goal.action and other.order > goal.order and a.site is attempt.site and a.rank > attempt.rank
         for other in ledger.goals.values()
@@ -75,7 +75,7 @@ def executing(ledger: Ledger, site: Site) -> tuple[str, ...]:
 
 
 def open_goals(ledger: Ledger, view: View) -> dict[str, tuple[int, int]]:
-    """Return for each action how many goals the side that acts executes, and how many wait for it to accept them."""
+    """Return for each action how many goals the active side executes, and how many wait for it to accept them."""
     found = dict.fromkeys(ledger.actions, (0, 0))
     for goal in ledger.goals.values():
         if goal.ended_s is None:
@@ -87,7 +87,7 @@ def open_goals(ledger: Ledger, view: View) -> dict[str, tuple[int, int]]:
 
 
 def passes_feedback(ledger: Ledger, attempt: bytes, view: View) -> Goal | None:
-    """Return the goal whose client may hear the attempt's feedback: the holder's copy's only; None else."""
+    """Return the goal whose client gets the attempt's feedback; None unless it is the holder's copy."""
     goal = ledger.goals.get(ledger.index.get(attempt, b""))
     if goal is None or goal.ended_s is not None:
         return None

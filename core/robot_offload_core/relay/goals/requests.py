@@ -1,7 +1,7 @@
-"""The robot relay's requests at served services: who is asked, who is asked again, and what the caller gets.
+"""The robot relay's requests at served services: which side is asked, which is asked again, what the caller gets.
 
-A request lives until its caller was answered, or was given up. Each time a side is asked is an *ask* with a number of
-its own; an ask is certain to have executed nothing only when the other relay said so (`NotHolder`).
+A request lives until its caller was answered or given up. Each time a side is asked is an *ask* with its own number.
+Only if the other relay answered `NotHolder` is it certain that an ask executed nothing.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from robot_offload_core.relay.goals.state import ASK_AGAIN_S, View
 from robot_offload_core.words.declared import ServiceMode, ServiceSpec
 
 MAX_WAITING = 64
-"""Requests of one service that wait for a holder; a further one fails at once."""
+"""Most requests of one service that wait for a holder; a further one fails at once."""
 
 
 class Fate(Enum):
-    """Of an ask."""
+    """What became of an ask."""
 
     OPEN = 1
     NOT_HOLDER = 2
@@ -30,7 +30,7 @@ class Fate(Enum):
 
 
 class Failure(str, Enum):
-    """Why a caller gets no answer of a server."""
+    """Why a caller gets no answer from a server."""
 
     UNKNOWN = "Unknown"
     TIMEOUT = "Timeout"
@@ -54,7 +54,7 @@ SENTENCES = {
 
 @dataclass
 class Ask:
-    """One side was asked once. `stay`: in which stay of the holder. `standby`: so that its replica changes too."""
+    """One request to one side. `stay`: the holder's stay then. `standby`: sent so that the replica changes too."""
 
     number: int
     site: Site
@@ -66,7 +66,7 @@ class Ask:
 
 @dataclass
 class Request:
-    """A call of a client. `until_s`: it waits for a holder no longer. `retry_s`: asked not before."""
+    """A call of a client. `until_s`: end of its wait for a holder. `retry_s`: earliest next ask."""
 
     spec: ServiceSpec
     caller: bytes
@@ -98,7 +98,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Fail:
-    """Order: a caller gets no server's answer."""
+    """Order: fail a call without a server's answer."""
 
     service: str
     caller: bytes
@@ -110,13 +110,13 @@ Order = AskServer | Reply | Fail
 
 @dataclass
 class Replay:
-    """The newest request of a `Both` service, and what each side knows of it.
+    """The newest request of a `Both` service, and the version that each side has executed.
 
     Attributes:
-        version: counts the requests.
+        version: number of requests so far.
         played: the newest version that a side has executed.
-        open: number of the ask of a side that is under way.
-        failed: sides that refused it.
+        open: number of the ask that a side has not answered yet.
+        failed: sides that refused the newest request.
     """
 
     payload: bytes = b""
@@ -133,7 +133,7 @@ class Desk:
         services: by public name.
         requests: open ones, in order.
         replays: of services with mode `Both`.
-        counter: of asks.
+        counter: number of asks so far.
     """
 
     def __init__(self, services: tuple[ServiceSpec, ...]) -> None:
@@ -158,7 +158,7 @@ class Desk:
         return []
 
     def answered(self, number: int, payload: bytes, success: bool) -> list[Order]:
-        """Take an answer; it counts while the caller has none, however late."""
+        """Take an answer; it counts until the caller has one, however late."""
         self._note_played(number, success)
         request, ask = self._find(number)
         if request is None or ask is None:
@@ -170,7 +170,7 @@ class Desk:
         return [Reply(request.spec.name, request.caller, payload)]
 
     def not_holder(self, number: int, now_s: float) -> None:
-        """Take the proof that an ask executed nothing."""
+        """Record that an ask certainly executed nothing."""
         for replay in self.replays.values():
             replay.open = {site: ask for site, ask in replay.open.items() if ask[0] != number}
         request, ask = self._find(number)
@@ -188,7 +188,7 @@ class Desk:
             replay.open.pop(site, None)
 
     def lost_server(self, site: Site, service: str) -> None:
-        """Mark the calls of a side's server that went as lost."""
+        """Mark the calls of a side's server that is gone as lost."""
         for request in self.requests:
             for ask in request.asks:
                 if request.spec.name == service and ask.site is site and ask.fate is Fate.OPEN:
@@ -199,7 +199,7 @@ class Desk:
     # -- what must be -------------------------------------------------------------------------------------------------
 
     def settle(self, view: View, now_s: float) -> list[Order]:
-        """Ask whom it may, give up what took too long."""
+        """Ask the sides that may be asked; give up what took too long."""
         orders: list[Order] = []
         for request in list(self.requests):
             orders += self._settle(request, view, now_s)
@@ -231,7 +231,7 @@ class Desk:
         return [*self._ask(request, holding.site, holding.stay, False, now_s), *self._race(request, view, now_s)]
 
     def _settle_of_cloud(self, request: Request, view: View, now_s: float) -> list[Order]:
-        """Return whether a node with placement Cloud serves: it is asked whoever holds, and fails while it is away."""
+        """Settle a request at a node with placement Cloud: ask it whichever side holds; fail while it is away."""
         executed = any(ask.fate is Fate.UNKNOWN or now_s >= ask.until_s for ask in request.asks)
         asked = any(ask.fate is Fate.OPEN for ask in request.asks)
         if executed or (asked and not there(view, request.spec.name)):
@@ -316,7 +316,7 @@ class Desk:
         return tuple(sorted(n for n, r in self.replays.items() if r.played.get(site, 0) < r.version))
 
     def refused(self, view: View) -> tuple[str, ...]:
-        """Return the `Both` services whose newest request the side that acts has refused."""
+        """Return the `Both` services whose newest request the active side has refused."""
         site = view.holding.site
         found = (n for n, r in self.replays.items() if site in r.failed and r.played.get(site, 0) < r.version)
         return tuple(sorted(found))

@@ -1,4 +1,4 @@
-"""What the ledger knows: goals of clients, the attempts at servers of both sides, and who may have them now."""
+"""State of the ledger: goals of clients, the attempts at servers of both sides, and who may have them now."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from robot_offload_core.words.declared import ActionSpec
 from robot_offload_core.words.holding import Holding
 
 MAX_LIVE = 256
-"""Goals of all actions together that have not ended; a further one is refused."""
+"""Most goals of all actions together that have not ended; a further one is refused."""
 MAX_KEPT = 256
 MAX_KEPT_BYTES = 16 * 1024 * 1024
-"""Results kept for clients that have not asked yet; the oldest goes first."""
+"""Limit of the results kept for clients that have not asked yet; the oldest is dropped first."""
 RETRY_S = 0.5
-"""Distance of two offers of a goal that was refused or ended while a side gets ready, or after a change."""
+"""Time between two offers of a goal that was refused or ended while a side prepares, or after a change."""
 MIRROR_S = 1.0
-"""How long before the holder's attempt a mirror may end; if it ends sooner, its replica does something else."""
+"""A mirror may end this long before the holder's attempt; if it ends earlier, its replica does something else."""
 ASK_AGAIN_S = 0.020
-"""After a `NotHolder`, while our own view of the holder is the same."""
+"""Wait after a `NotHolder` while this relay's own view of the holder is unchanged."""
 
 
 class Why(str, Enum):
@@ -40,7 +40,7 @@ class Why(str, Enum):
 
 
 class AttemptPhase(Enum):
-    """Of an attempt at a server."""
+    """State of an attempt at a server."""
 
     OFFERED = 1
     ACCEPTED = 2
@@ -48,7 +48,7 @@ class AttemptPhase(Enum):
     """By the server, or by the other relay before any server saw the offer."""
     ENDED = 4
     GONE = 5
-    """The server has forgotten it, or nobody will ever know."""
+    """The server has forgotten it, or its end can no longer be learned."""
 
     @property
     def live(self) -> bool:
@@ -62,14 +62,14 @@ class Attempt:
 
     Attributes:
         id: the goal id at the server.
-        site: whose server.
+        site: side of the server.
         token: of the stay or preparation that it was made for.
         offered_s: when it was offered.
-        rank: order of acceptances over all attempts; 0: not accepted.
+        rank: order of acceptance among all attempts; 0: not accepted.
         status: with which it ended.
-        ended_s: when.
-        cancel: it is to end, whatever becomes of the goal or because of it.
-        resume: its relay or ours was replaced, its result is to be asked for again.
+        ended_s: when it ended.
+        cancel: it is to end, whether or not its goal does.
+        resume: its relay or this one was replaced; its result is to be requested again.
     """
 
     id: bytes
@@ -94,19 +94,20 @@ class Goal:
         payload: the client's request.
         order: of arrival.
         stamp_ns: when it was accepted, for clients.
-        caller: open request of the client while it waits for the server's answer (`accept: Holder`); b"" else.
+        caller: open request of a client that waits for the server's answer (`accept: Holder`); b"" otherwise.
         status: as the client sees it.
         result: the server's response; b"": a default one.
-        why: of the ledger's own ends.
+        why: reason if the ledger itself ended it.
         ended_s: when it ended; None while it lives.
-        cancel: the client asked for it, and was given that.
+        cancel: the client requested a cancel, which was granted.
         waiting: open requests for its result.
         attempts: all that may still run, and the newest of each side.
         need_s: since when the holder lacks a copy.
-        able_s: since when it has been able to take one.
-        moved: the need began with a change of the holder or a forgotten copy, so a refusal is no last word.
+        able_s: since when the holder has been able to take one.
+        moved: the need began with a change of the holder or a forgotten copy, so a refusal is not final.
         moves: changes of the holder that made the goal begin anew.
-        retry_s, copy_retry_s: not offered to the holder, to the candidate, before.
+        retry_s: earliest next offer to the holder.
+        copy_retry_s: earliest next offer to the candidate.
     """
 
     id: bytes
@@ -136,7 +137,7 @@ class Goal:
 
     @property
     def at_rest(self) -> bool:
-        """Return whether the goal is only kept for its result: it has ended, and so has its one attempt, if any."""
+        """Return whether the goal is kept only for its result: it has ended, and so has its one attempt, if any."""
         if self.ended_s is None or len(self.attempts) > 1:
             return False
         return not any(a.phase.live or a.resume for a in self.attempts)
@@ -144,7 +145,7 @@ class Goal:
 
 @dataclass(frozen=True)
 class View:
-    """What holds at the moment of a decision.
+    """The situation at the moment of a decision.
 
     Attributes:
         holding: read from the collector's memory, now.
@@ -153,7 +154,7 @@ class View:
         up: (site, action) whose server is seen and whose node is Active.
         heard: the cloud's relay is heard.
         present: token under which nodes with placement Cloud act; None while no cloud is served.
-        standby: newest token that the robot has named: what goes to a standby carries it.
+        standby: newest token that the robot has named; messages to a standby carry it.
     """
 
     holding: Holding
@@ -173,7 +174,7 @@ class Ledger:
         incarnation: of the relay; attempts of two incarnations have different ids.
         actions: served, by public name.
         holding: the newest stay that was taken into account.
-        changed_s: when it began.
+        changed_s: when that stay began.
         goals: by the client's id, in the client's order; ended ones while their result is kept or an attempt may run.
         index: attempt id -> goal id.
         counter: of goals, attempts and acceptances.
@@ -224,12 +225,12 @@ class ResultRequested:
 
 
 class OfferAnswer(Enum):
-    """To an offer."""
+    """The answer to an offer."""
 
     ACCEPTED = 1
     REFUSED = 2
     NOT_HOLDER = 3
-    """The other side's relay let no server see it."""
+    """The other side's relay refused the offer before any server saw it."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ class OfferAnswered:
 
 @dataclass(frozen=True)
 class Ended:
-    """An attempt has ended. `under_lease`: the side was allowed to act under the attempt's token when it did."""
+    """An attempt has ended. `under_lease`: the side was allowed to act under the attempt's token at that moment."""
 
     attempt: bytes
     status: GoalStatus
@@ -259,7 +260,7 @@ class Gone:
 
 @dataclass(frozen=True)
 class Replaced:
-    """The cloud's relay, or ours (`site` None), is a new process: what runs is asked for again."""
+    """The cloud's relay, or this one (`site` None), is a new process: running attempts are queried again."""
 
     site: Site | None = None
 
@@ -276,7 +277,7 @@ Event = GoalRequested | CancelRequested | ResultRequested | OfferAnswered | Ende
 
 @dataclass(frozen=True)
 class AnswerGoal:
-    """To a client: its goal is accepted or not."""
+    """To a client: its goal is accepted or refused."""
 
     action: str
     caller: bytes
@@ -287,7 +288,7 @@ class AnswerGoal:
 
 @dataclass(frozen=True)
 class AnswerCancel:
-    """To a client."""
+    """To a client: the answer to its cancel."""
 
     action: str
     caller: bytes
@@ -297,7 +298,7 @@ class AnswerCancel:
 
 @dataclass(frozen=True)
 class AnswerResult:
-    """To a client."""
+    """To a client: a result."""
 
     action: str
     caller: bytes
@@ -315,7 +316,7 @@ class PublishStatus:
 
 @dataclass(frozen=True)
 class Offer:
-    """To a side's server. The payload is the client's, the goal id is to be the attempt's. `mirror`: to a standby."""
+    """To a side's server. The payload is the client's, but with the attempt's id as goal id. `mirror`: to a standby."""
 
     site: Site
     action: str
@@ -327,7 +328,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Cancel:
-    """To a side: the attempt is to end; until it has the side's relay asks its server."""
+    """To a side: end the attempt. The side's relay asks its server until it has ended."""
 
     site: Site
     action: str
@@ -336,7 +337,7 @@ class Cancel:
 
 @dataclass(frozen=True)
 class Resume:
-    """To a side: the attempt goes on, under this token, or as a mirror; what became of it is to be said again."""
+    """To a side: continue the attempt under this token, or as a mirror, and report its state again."""
 
     site: Site
     action: str
@@ -347,7 +348,7 @@ class Resume:
 
 @dataclass(frozen=True)
 class GoalClosed:
-    """For log and diagnostics: a goal has ended, by the ledger itself where there is a reason."""
+    """For log and diagnostics: a goal has ended; `why` is set if the ledger itself ended it."""
 
     action: str
     goal_id: bytes

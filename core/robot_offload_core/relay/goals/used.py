@@ -1,4 +1,4 @@
-"""Calls of the group at services outside the group: the holder's pass, a preparing side's wait, a standby's never do.
+"""Calls of the group at services outside: the holder's pass, a preparing side's wait, a standby's are refused.
 
 Decided on the robot for both sides, because the collector and the servers are there.
 """
@@ -14,7 +14,7 @@ from robot_offload_core.words.declared import UsedService
 
 
 class Admission(Enum):
-    """Of a call at a used name."""
+    """Whether a call at a used name passes."""
 
     ADMIT = 1
     WAIT = 2
@@ -22,14 +22,14 @@ class Admission(Enum):
 
 
 def admit(view: View, effects: Site | None, site: Site, token: Token | None, of_cloud: bool = False) -> Admission:
-    """Return what becomes of a call of `site`; `token`: under which a cloud's call was made, None on the robot.
+    """Return what becomes of a call of `site`.
 
     Args:
-        view: who holds, by the collector's memory.
-        effects: whose calls control admits; None: nobody's.
+        view: the holder, by the collector's memory.
+        effects: the side whose calls control admits; None: neither's.
         site: whose replica calls.
-        token: of the call.
-        of_cloud: of a node with placement Cloud: it acts by presence, whoever holds.
+        token: under which a cloud's call was made; None on the robot.
+        of_cloud: the caller has placement Cloud: it acts by presence, whichever side holds.
     """
     if of_cloud and site is Site.CLOUD:
         return Admission.ADMIT if token is not None and token == view.present else Admission.REFUSE
@@ -44,7 +44,13 @@ def admit(view: View, effects: Site | None, site: Site, token: Token | None, of_
 
 @dataclass
 class UsedCall:
-    """A call of a replica. `caller`: on the robot; `key`: of the cloud's relay. `number`: at the server; 0: waits."""
+    """A call of a replica.
+
+    Attributes:
+        caller: on the robot.
+        key: of the cloud's relay.
+        number: at the server; 0: the call waits.
+    """
 
     spec: UsedService
     site: Site
@@ -57,7 +63,7 @@ class UsedCall:
 
 
 class Verdicts(Enum):
-    """What becomes of a call at a look."""
+    """The decision on a call."""
 
     CALL = 1
     REFUSED = 2
@@ -72,7 +78,7 @@ class UsedCalls:
         self.calls: list[UsedCall] = []
 
     def settle(self, view: View, effects: Site | None, now_s: float) -> list[tuple[UsedCall, Verdicts]]:
-        """Return the calls that are decided now; those that are to be made stay known until they are answered."""
+        """Return the calls that are decided now; those to be made are remembered until they are answered."""
         decided: list[tuple[UsedCall, Verdicts]] = []
         for call in list(self.calls):
             admission = (
@@ -89,7 +95,7 @@ class UsedCalls:
         return decided
 
     def answered(self, number: int) -> UsedCall | None:
-        """Return the call that an answer is for, which is closed; None when nobody waits any more."""
+        """Close and return the call that an answer is for; None if no caller waits any more."""
         call = next((c for c in self.calls if c.number == number), None)
         if call is not None:
             self.calls.remove(call)

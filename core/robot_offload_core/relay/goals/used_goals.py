@@ -1,4 +1,4 @@
-"""Goals of the group at actions outside it: which may be offered, and when the old side's end (rule 11).
+"""Goals of the group at actions outside it: which may be offered, and when the old side's goals end (rule 11).
 
 Decided on the robot for the goals of both sides, because the collector and the servers are there.
 """
@@ -15,15 +15,15 @@ from robot_offload_core.words.declared import UsedAction
 
 
 class Move(Enum):
-    """What becomes of a goal at a look."""
+    """The decision on a goal."""
 
     OFFER = 1
     REFUSED = 2
-    """Its side is standby by now."""
+    """Its side is the standby by now."""
     TIMEOUT = 3
     """Never offered, or never answered."""
     CANCEL = 4
-    """The holder has changed since it was offered."""
+    """The holder has changed since the goal was offered."""
 
 
 @dataclass
@@ -33,11 +33,11 @@ class UsedGoal:
     Attributes:
         token: of the cloud when its client sent the goal; None on the robot.
         relay: incarnation of the cloud's relay whose client sent it; "" on the robot.
-        until_s: it waits no longer; after the offer: for the server's answer.
-        stay: of the holder when it was offered; None while it waits.
-        accepted: by the server.
+        until_s: end of the wait for the offer; after the offer, of the wait for the server's answer.
+        stay: the holder's stay when it was offered; None while it waits.
+        accepted: the server has accepted it.
         cancel_due_s: when it is cancelled because of rule 11.
-        cancelled: that was ordered.
+        cancelled: its cancel was ordered.
     """
 
     id: bytes
@@ -68,11 +68,11 @@ class UsedGoals:
     def settle(
         self, view: View, effects: Site | None, seen: frozenset[str], now_s: float
     ) -> list[tuple[UsedGoal, Move]]:
-        """Return what is to be done now; a goal that is refused, or has timed out, is not known any more.
+        """Return what is to be done now; a goal that is refused or has timed out is forgotten.
 
         Args:
-            view: who holds, by the collector's memory.
-            effects: whose effects control admits; None: nobody's.
+            view: the holder, by the collector's memory.
+            effects: the side whose effects control admits; None: neither's.
             seen: actions whose server outside is in the graph.
             now_s: steady clock.
         """
@@ -125,10 +125,10 @@ class UsedGoals:
         )
 
     def orphaned(self, relay: str, now_s: float) -> list[UsedGoal]:
-        """Note that `relay` serves the cloud's group: what clients of another one left is dropped, or cancelled.
+        """Drop or cancel the goals of the cloud's former relays, now that `relay` serves the cloud's group.
 
         Returns:
-            The goals that waited, which are not known any more.
+            The goals that waited, which are forgotten.
         """
         dropped = []
         for goal in [goal for goal in self.goals.values() if goal.site is Site.CLOUD and goal.relay != relay]:

@@ -1,4 +1,4 @@
-"""What the two relays write to each other: a small binary form, read strictly at the border.
+"""What the two relays write to each other: a small binary form, parsed strictly on arrival.
 
 A frame: magic and version 4, incarnation of the writer 16, of the reader 16 (zeros: not known yet), number 8, kind 1,
 then the fields of the kind in order. Number 0: a word that is written once and not acknowledged.
@@ -19,13 +19,13 @@ MAGIC = b"RR\0\1"
 HEAD = struct.Struct(">4s16s16sQB")
 MAX_NAME = 256
 MAX_BYTES = 1024 * 1024 + 64
-"""Of one payload."""
+"""Limit of one payload."""
 MAX_LIST = 1024
 NOBODY = bytes(16)
 
 
 class WordError(ValueError):
-    """Bytes that are no frame of a relay; `reason`: BadForm or OtherVersion."""
+    """Bytes that are not a frame of a relay; `reason`: BadForm or OtherVersion."""
 
     def __init__(self, reason: str, text: str) -> None:
         super().__init__(text)
@@ -37,21 +37,21 @@ class CallVerdict(IntEnum):
 
     DONE = 1
     NOT_HOLDER = 2
-    """Nothing was executed, and under this number nothing ever will be."""
+    """Nothing was executed, and nothing will ever be executed under this number."""
     REFUSED = 3
-    """By the server, or because nobody may."""
+    """By the server, or because no side may call it."""
     FAILED = 4
-    """Executed, and the response says `success: false`."""
+    """Executed, and the response contains `success: false`."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """Each 100 ms and at changes: who writes, and the levels that the other relay needs.
+    """Sent each 100 ms and at changes: the writer's identity and the levels that the other relay needs.
 
     Attributes:
         agent: incarnation of the writer's control process; "" while it is not known.
-        site: who holds, and in which stay, as the robot says; the cloud says what it heard.
-        stay: see `ports.Holding`.
+        site: the holder, as the robot states it; the cloud repeats what it received.
+        stay: the holder's stay, see `ports.Holding`.
         up: served names whose server is seen and whose node is Active, on the writer's side.
         executing: actions that the writer's side executes.
     """
@@ -65,7 +65,7 @@ class Hello:
 
 @dataclass(frozen=True)
 class Ack:
-    """Letters that arrived."""
+    """Numbers of the letters that arrived."""
 
     numbers: tuple[int, ...]
 
@@ -84,7 +84,7 @@ class OfferWord:
 
 @dataclass(frozen=True)
 class CancelWord:
-    """An attempt is to end."""
+    """Order to end an attempt."""
 
     face: Face
     action: str
@@ -93,7 +93,7 @@ class CancelWord:
 
 @dataclass(frozen=True)
 class ResumeWord:
-    """An attempt goes on under this token, or as a mirror; the reader says again what became of it."""
+    """Order to continue an attempt under this token, or as a mirror; the reader reports its state again."""
 
     face: Face
     action: str
@@ -160,12 +160,12 @@ Word = (
 KINDS: tuple[type[Any], ...] = (
     Hello, Ack, OfferWord, CancelWord, ResumeWord, CallWord, OfferedWord, EndedWord, CalledWord, FeedbackWord,
 )  # fmt: skip
-"""The place in this row is the number of the kind: only ever append."""
+"""The index in this tuple is the number of the kind: only ever append."""
 
 
 @dataclass(frozen=True)
 class RelayFrame:
-    """A word with its address. `reader` "" : the writer does not know its reader yet."""
+    """A word with its address. `reader` is "" while the writer does not know its reader yet."""
 
     writer: str
     reader: str
@@ -228,7 +228,7 @@ class Reader:
         return Token(self.incarnation(), self.number(), self.incarnation())
 
     def one_of(self, kind: type[Enum]) -> Any:
-        """Return a member of an enumeration by its number, or by its word."""
+        """Return a member of an enumeration by its integer value, otherwise by its place."""
         number = self.number(1)
         members = list(kind)
         found = [m for m in members if (m.value if isinstance(m.value, int) else members.index(m) + 1) == number]
@@ -313,7 +313,7 @@ def encode(frame: RelayFrame) -> bytes:
 
 
 def decode(data: bytes) -> RelayFrame:
-    """Read a frame; raise WordError for anything that is none."""
+    """Read a frame; raise WordError for anything else."""
     if len(data) < HEAD.size:
         raise WordError("BadForm", f"{len(data)} bytes are no frame")
     magic, writer, reader, number, kind = HEAD.unpack_from(data)

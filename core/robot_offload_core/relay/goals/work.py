@@ -1,4 +1,4 @@
-"""The scratch of one step: goals that change, commands that come out of it."""
+"""Working copy of one step: changed goals, and the commands that result."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ class Work:
         return iter(list(self.goals.values()))
 
     def acts(self, goal: Goal) -> tuple[Site, Token | None]:
-        """Return who executes the goal, and under which token."""
+        """Return the side that executes the goal, and its token."""
         return acts(self.view, self.spec(goal))
 
     def spec(self, goal: Goal) -> ActionSpec:
-        """Return what is declared of the goal's action."""
+        """Return the declaration of the goal's action."""
         return self.ledger.actions[goal.action]
 
     def count(self) -> int:
@@ -72,11 +72,11 @@ class Work:
         return self.counter
 
     def seen(self) -> Ledger:
-        """Return the ledger as it is at this point of the step, for questions."""
+        """Return the ledger at this point of the step, for questions."""
         return replace(self.ledger, goals=self.goals)
 
     def put(self, goal: Goal) -> None:
-        """Keep a goal that is new or has changed."""
+        """Store a goal that is new or has changed."""
         if self.goals is self.ledger.goals:
             self.goals = dict(self.goals)
         self.goals[goal.id] = goal
@@ -89,7 +89,7 @@ class Work:
         return goal, next((a for a in goal.attempts if a.id == attempt), None)
 
     def attempt(self, goal: Goal, attempt: Attempt) -> Goal:
-        """Keep an attempt that has changed, or is new; return its goal."""
+        """Store an attempt that is new or has changed; return its goal."""
         others = [a for a in goal.attempts if a.id != attempt.id]
         known = len(others) < len(goal.attempts)
         attempts = tuple(attempt if a.id == attempt.id else a for a in goal.attempts) if known else (*others, attempt)
@@ -115,7 +115,7 @@ class Work:
         return able_s + self.spec(goal).timeout_s
 
     def end(self, goal: Goal, status: GoalStatus, result: bytes = b"", why: Why | None = None) -> None:
-        """End a goal towards its client: the one result."""
+        """End a goal for its client, with its one result."""
         if goal.caller:  # for its client the goal was refused; nobody ever hears of it again
             self.commands.append(AnswerGoal(goal.action, goal.caller, False, 0, why))
         for caller in goal.waiting:
@@ -126,7 +126,7 @@ class Work:
         self.put(goal)
 
     def done(self) -> Ledger:
-        """Return the ledger after the step; what nobody needs any more is forgotten."""
+        """Return the ledger after the step, without goals that are no longer needed."""
         self._forget()
         for action in sorted(self.shown):
             entries = tuple(g.entry for g in self.goals.values() if g.action == action and not g.caller)
@@ -139,7 +139,7 @@ class Work:
         )  # fmt: skip
 
     def _forget(self) -> None:
-        """Forget ended goals whose result was kept long enough, and the oldest when they are too many (rule 8)."""
+        """Forget ended goals whose result was kept long enough, and the oldest when there are too many (rule 8)."""
         kept = [goal for goal in self.goals.values() if goal.ended_s is not None]
         kept.sort(key=lambda goal: goal.ended_s or 0.0)
         size = sum(len(goal.result) for goal in kept)

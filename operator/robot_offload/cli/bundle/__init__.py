@@ -1,1 +1,1 @@
-"""`kubectl offload bundle`: the folder with all that a robot needs."""
+"""`kubectl offload bundle`: write the folder with everything that a robot needs."""

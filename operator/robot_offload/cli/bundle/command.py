@@ -63,15 +63,15 @@ def add_to(app: typer.Typer) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """What a bundle is made of, as far as it is there.
+    """Everything from which a bundle is made, as far as it exists.
 
     Attributes:
         observed: the RobotOffload.
         offload: the same, read strictly.
-        secrets: what the robot proves itself with; None: not there (yet), or not needed.
+        secrets: the robot's credentials; None: not there (yet), or not needed.
         revoking: whether its certificates are being replaced.
-        deployments: what runs for it.
-        identity: the uid by which the robot knows its cloud; empty: that of the RobotOffload.
+        deployments: its Deployments.
+        identity: the uid by which the robot knows its cloud; empty: the RobotOffload's uid.
     """
 
     observed: Observed
@@ -115,7 +115,7 @@ def bundle_command(
 
 
 def facts_of(material: Material) -> Facts:
-    """Return what rendering must know."""
+    """Return the facts that rendering needs."""
     return Facts(
         namespace=material.observed.namespace,
         uid=material.observed.uid,
@@ -128,10 +128,10 @@ def facts_of(material: Material) -> Facts:
 
 
 def waiting_for(material: Material) -> tuple[str, str]:
-    """Return what is still missing: one word and one sentence; both empty when everything is there.
+    """Return what is still missing, as one word and one sentence; both are empty if everything is there.
 
     Raises:
-        RobotOffloadError: waiting cannot help.
+        RobotOffloadError: waiting does not help.
     """
     observed, name = material.observed, material.observed.name
     valid = observed.condition("SpecValid")
@@ -151,7 +151,7 @@ def waiting_for(material: Material) -> tuple[str, str]:
 
 
 def told(material: Material, output: Path, place: str, files: Mapping[str, bytes]) -> list[str]:
-    """Return what to say when it is done."""
+    """Return the final message, as lines."""
     name = material.observed.name
     lines = [f"{output}: the bundle of {name}, generation {material.observed.generation}, {len(files) + 1} files"]
     if PRIVATE_KEY in files and material.secrets is not None:
@@ -193,7 +193,7 @@ async def _gather(api: KubeApi, where: str, name: str) -> Material:
 
 
 def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
-    """Return what the robot proves itself with; None: it is not complete yet."""
+    """Return the robot's credentials; None: they are not complete yet."""
     data: Mapping[str, str] = (secret or {}).get("data") or {}
     if not all(data.get(key) for key in KEYS):
         return None
@@ -201,16 +201,16 @@ def secrets_of(secret: Manifest | None) -> BundleSecrets | None:
 
 
 def revocation_pending(manifest: Mapping[str, Any], cloud: Manifest | None) -> bool:
-    """Return whether a revocation was asked for that the Secret of the cloud's certificate does not answer yet."""
+    """Return whether a requested revocation is not yet answered by the Secret of the cloud's certificate."""
     asked = (manifest["metadata"].get("annotations") or {}).get(REVOKE, "")
     answered = ((cloud or {}).get("metadata", {}).get("annotations") or {}).get(REVOKED, "")
     return bool(asked) and asked != answered
 
 
 def trusted_by(cloud: Manifest | None, secrets: BundleSecrets) -> bool:
-    """Return whether the cloud accepts a robot's certificate: the Secret of its own holds the authority for robots.
+    """Return whether the cloud accepts a robot's certificate: the cloud's Secret holds the authority for robots.
 
-    While certificates are being replaced, the authority is new for a moment and the robot's certificate is not.
+    While certificates are being replaced, the authority is briefly newer than the robot's certificate.
     """
     try:
         issuer = x509.load_pem_x509_certificate(base64.b64decode((cloud or {})["data"]["ca.crt"]))
@@ -221,7 +221,7 @@ def trusted_by(cloud: Manifest | None, secrets: BundleSecrets) -> bool:
 
 
 def _progress() -> AbstractContextManager[Callable[[str], None]]:
-    """Show what is waited for: a moving line on a terminal, else one line for each new thing."""
+    """Show what the command waits for: a moving line on a terminal, else one line for each new reason."""
     if sys.stderr.isatty():
         return _Spinner()
     said: list[str] = []

@@ -1,4 +1,4 @@
-"""Writing a bundle into a folder: whose the folder is, which old files go, and who may read the key."""
+"""Write a bundle into a folder: whose the folder is, which old files go, and who may read the key."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any, Final
 from robot_offload.errors import InputError
 
 MARK: Final = "bundle.json"
-"""The file by which a folder is known as a bundle, and whose."""
+"""The file that marks a folder as a bundle and names its owner."""
 PRIVATE: Final = 0o600
 PUBLIC: Final = 0o644
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """What the mark of a bundle says.
+    """The content of a bundle's mark.
 
     Attributes:
         namespace: of the RobotOffload.
         name: of the RobotOffload.
-        uid: its identity.
-        generation: of the specification that the bundle was made from.
-        files: what the bundle is made of, without the mark.
+        uid: of the RobotOffload.
+        generation: of the specification from which the bundle was made.
+        files: the bundle's files, without the mark.
     """
 
     namespace: str
@@ -36,7 +36,7 @@ class Mark:
     files: tuple[str, ...]
 
     def text(self) -> str:
-        """Return the text as it is written."""
+        """Return the mark as it is written."""
         values = {
             "namespace": self.namespace,
             "name": self.name,
@@ -48,7 +48,7 @@ class Mark:
 
 
 def read_mark(text: str) -> Mark | None:
-    """Return a mark; None when the text is none."""
+    """Parse a mark; return None if the text is not one."""
     try:
         values: Any = json.loads(text)
         return Mark(
@@ -63,12 +63,12 @@ def read_mark(text: str) -> Mark | None:
 
 
 def refusal(folder: Path, entries: Iterable[str], present: Mark | None, wanted: Mark) -> str:
-    """Return why a folder must not be written into; empty when it may.
+    """Return why a folder must not be written into; empty if it may be.
 
     Args:
-        folder: where to.
+        folder: target.
         entries: the names in it; none: it is empty or does not exist.
-        present: its mark; None: it has none.
+        present: its mark; None: it has no mark.
         wanted: the mark of the new bundle.
     """
     names = sorted(entries)
@@ -86,17 +86,17 @@ def refusal(folder: Path, entries: Iterable[str], present: Mark | None, wanted: 
 
 
 def write(folder: Path, files: Mapping[str, bytes], private: Iterable[str], mark: Mark, *, force: bool) -> None:
-    """Write a bundle. Each file is complete or absent at any moment; the mark comes last.
+    """Write a bundle. Each file is complete or absent at any moment; the mark is written last.
 
     Args:
-        folder: where to; made if need be.
-        files: by their paths in the folder.
-        private: the paths that only the owner may read.
-        mark: what the folder is.
-        force: writes into a folder that is somebody else's, too. Files that no bundle put there stay.
+        folder: target; created if needed.
+        files: contents by path in the folder.
+        private: paths that only the owner may read.
+        mark: of the bundle.
+        force: write even into a foreign folder. Files that do not come from a bundle stay.
 
     Raises:
-        InputError: the folder belongs to somebody else, or cannot be written.
+        InputError: the folder belongs to another bundle or program, or cannot be written.
     """
     try:
         _write(folder, files, frozenset(private), mark, force=force)
@@ -120,7 +120,7 @@ def _write(folder: Path, files: Mapping[str, bytes], private: frozenset[str], ma
 
 
 def _replace(file: Path, content: bytes, mode: int) -> None:
-    """Write a file under its final mode from the first byte on, and put it into place at once."""
+    """Write a file with its final mode from the first byte on, then put it into place atomically."""
     file.parent.mkdir(parents=True, exist_ok=True)
     new = file.with_name(f".{file.name}.new")
     new.unlink(missing_ok=True)
@@ -132,6 +132,6 @@ def _replace(file: Path, content: bytes, mode: int) -> None:
 
 
 def _inside(name: str) -> bool:
-    """Return whether a path stays in its folder: the mark is a file that anybody may have edited."""
+    """Return whether a path stays in its folder: the mark may have been edited by hand."""
     path = Path(name)
     return not path.is_absolute() and ".." not in path.parts and name != MARK

@@ -1,1 +1,1 @@
-"""`kubectl offload doctor`: finds what would bite, before it does."""
+"""`kubectl offload doctor`: find problems before they do harm."""

@@ -1,4 +1,4 @@
-"""What `doctor` judges. Pure: facts come in, findings with the next step go out."""
+"""The checks of `doctor`. Pure: facts come in, findings with the next step go out."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from robot_offload.insight.observed import Observed, time_of
 Level: TypeAlias = Literal["ok", "warning", "error", "unknown"]
 
 LEAST_KUBERNETES: Final = (1, 29)
-"""Validation rules (CEL) in custom resource definitions are stable since then."""
+"""Validation rules (CEL) in custom resource definitions are stable since this version."""
 LEADER_SILENT_S: Final = 60.0
 CLOCKS_DIFFER_S: Final = 5.0
 CERTIFICATE_ENDS_D: Final = 14
 LEAST_FILES: Final = 1024
 LEAST_RECEIVE_BUFFER: Final = 2 * 1024 * 1024
-"""Bytes; a laser scan with 1000 rays in ten fragments fits some ten times."""
+"""Bytes; about ten laser scans with 1000 rays in ten fragments each fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One answer.
+    """The result of one check.
 
     Attributes:
-        check: what was looked at, one CamelCase word.
-        level: ok; warning: it will bite some day; error: it bites now; unknown: it could not be looked at.
+        check: what was checked, one CamelCase word.
+        level: ok; warning: a problem later; error: a problem now; unknown: it could not be checked.
         message: what was found.
         step: what to do; empty: nothing.
     """
@@ -47,7 +47,7 @@ class Finding:
 
 
 def kubernetes_version(version: Mapping[str, Any]) -> Finding:
-    """Return whether the API server is new enough; `version` is what its `/version` says."""
+    """Check whether the API server is new enough; `version` is its `/version` response."""
     numbers = [re.match(r"\d+", str(version.get(part, ""))) for part in ("major", "minor")]
     told = str(version.get("gitVersion") or "")
     if None in numbers:
@@ -60,7 +60,7 @@ def kubernetes_version(version: Mapping[str, Any]) -> Finding:
 
 
 def definition(live: Mapping[str, Any] | None, wanted: Mapping[str, Any]) -> Finding:
-    """Return whether the cluster has the custom resource definition of this version.
+    """Check whether the cluster has the custom resource definition of this version.
 
     Args:
         live: the definition in the cluster; None: there is none.
@@ -79,13 +79,13 @@ def definition(live: Mapping[str, Any] | None, wanted: Mapping[str, Any]) -> Fin
 
 
 def _schemas(crd: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the schema of each version; other parts are completed by the API server."""
+    """Return the schema of each version; the API server completes the other parts."""
     versions = (crd.get("spec") or {}).get("versions") or ()
     return {version["name"]: _filled(version.get("schema") or {}) for version in versions}
 
 
 def _filled(value: Any) -> Any:
-    """Return it without empty mappings, which the API server drops."""
+    """Return the value without empty mappings, which the API server drops."""
     if isinstance(value, Mapping):
         return {key: _filled(part) for key, part in value.items() if part != {}}
     return [_filled(part) for part in value] if isinstance(value, list | tuple) else value
@@ -94,7 +94,7 @@ def _filled(value: Any) -> Any:
 def operator_alive(
     deployments: Sequence[Mapping[str, Any]], leases: Sequence[Mapping[str, Any]], now: datetime.datetime
 ) -> Iterator[Finding]:
-    """Yield whether an operator runs, and only one leads.
+    """Check that an operator runs, and that only one leads.
 
     Args:
         deployments: those of the operator in all namespaces.
@@ -141,7 +141,7 @@ CLOCK_STEP: Final = "Start a time service on both (chrony or systemd-timesyncd);
 
 
 def clocks(live: Live, now: datetime.datetime) -> Finding:
-    """Return whether the clocks of the cloud agent's node and of this machine agree, as far as one look can tell."""
+    """Check whether the clocks of the cloud agent's node and of this machine agree, as far as one sample can show."""
     written = time_of(live.state.written) if live.state is not None else None
     if written is None:
         return Finding("Clocks", "unknown", f"the cloud agent could not be asked: {live.problem or 'it gives no time'}")
@@ -155,7 +155,7 @@ def clocks(live: Live, now: datetime.datetime) -> Finding:
 
 
 def addresses(offload: RobotOffload, observed: Observed) -> Finding:
-    """Return whether the robot's addresses are known."""
+    """Check whether the robot's addresses are known."""
     missing = transport.missing_purposes(offload, observed.endpoints)
     if missing:
         return Finding(
@@ -170,7 +170,7 @@ def addresses(offload: RobotOffload, observed: Observed) -> Finding:
 
 
 def images(offload: RobotOffload) -> Iterator[Finding]:
-    """Yield images that may change under their name: robot and cloud would run different programs."""
+    """Yield images that may change under their name: robot and cloud would then run different programs."""
     moving = [node for node in offload.spec.cloud_nodes if node.image and _moving(node.image)]
     for node in moving:
         yield Finding(
@@ -191,7 +191,7 @@ def _moving(image: str) -> bool:
 
 
 def certificate(end: datetime.datetime | None, observed: Observed, now: datetime.datetime) -> Finding:
-    """Return whether the robot's certificate lasts; `end` None: it cannot be read."""
+    """Check whether the robot's certificate lasts; `end` None: it cannot be read."""
     step = f"kubectl offload bundle {observed.name} -n {observed.namespace} -o DIR, then copy it to the robot."
     if end is None:
         return Finding("Certificate", "unknown", "the robot's certificate cannot be read", step)
@@ -204,7 +204,7 @@ def certificate(end: datetime.datetime | None, observed: Observed, now: datetime
 
 
 def conditions(observed: Observed) -> Iterator[Finding]:
-    """Yield what the operator has found, in short; `explain` says more."""
+    """Yield the operator's conditions in short; `explain` shows more."""
     step = f"kubectl offload explain {observed.name} -n {observed.namespace}"
     if not observed.conditions:
         yield Finding("Status", "error", "the operator has not looked at it yet", step)
@@ -218,7 +218,7 @@ def conditions(observed: Observed) -> Iterator[Finding]:
 
 
 def reachable(address: str, problem: str) -> Finding:
-    """Return whether a TCP address of the cloud answers from here; `problem` empty: it does."""
+    """Check whether a TCP address of the cloud answers from here; `problem` empty: it does."""
     if problem:
         step = "A firewall between here and there, or a load balancer without a ready pod; on the robot this counts."
         return Finding("Network", "warning", f"TCP {address} does not answer from here: {problem}", step)

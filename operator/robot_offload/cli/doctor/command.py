@@ -1,4 +1,4 @@
-"""`robot-offload doctor`: what would bite, before it does."""
+"""`robot-offload doctor`: find problems before they do harm."""
 
 from __future__ import annotations
 

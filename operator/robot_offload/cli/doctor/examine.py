@@ -1,4 +1,4 @@
-"""What `doctor` asks the cluster. Whatever may not be read becomes a finding of its own, never the end of the rest."""
+"""The questions of `doctor` to the cluster. What may not be read becomes a finding; the other checks go on."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Question = Callable[[], Awaitable[list[Finding]]]
 
 
 async def examine_cluster(api: KubeApi) -> list[Finding]:
-    """Return what does not depend on a single RobotOffload. The first answer decides whether there are any others."""
+    """Check what does not depend on a single RobotOffload. Without the first answer, nothing else is asked."""
 
     async def version() -> list[Finding]:
         return [checkup.kubernetes_version(await read_page(api, "/version") or {})]
@@ -60,10 +60,10 @@ async def examine_cluster(api: KubeApi) -> list[Finding]:
 async def examine_one(
     api: KubeApi, hurry: KubeApi, namespace: str, name: str
 ) -> tuple[list[Finding], RobotOffload | None]:
-    """Return one RobotOffload; and it itself, when it is valid.
+    """Check one RobotOffload; return the findings, and the RobotOffload if it is valid.
 
     Raises:
-        InputError: there is none of this name.
+        InputError: it does not exist.
     """
     manifest = await find(api, namespace, name)
     observed = observe(manifest)
@@ -89,7 +89,7 @@ async def examine_one(
 
 
 async def _network(observed: Observed) -> list[Finding]:
-    """Return whether the TCP addresses answer; UDP that does not answer means nothing."""
+    """Check whether the TCP addresses answer; UDP is not checked, because silence there means nothing."""
     wanted = [endpoint for endpoint in observed.endpoints if endpoint.protocol == "TCP"]
     problems = await asyncio.gather(
         *(asyncio.to_thread(machine.tcp_problem, endpoint.host, endpoint.port) for endpoint in wanted)
@@ -98,7 +98,7 @@ async def _network(observed: Observed) -> list[Finding]:
 
 
 async def _answered(name: str, question: Question, level: checkup.Level = "unknown") -> list[Finding]:
-    """Return the findings of a question; one finding with the reason where the API server does not answer it."""
+    """Return the findings of a question, or one finding with the reason if the API server does not answer."""
     try:
         return await question()
     except KubeError as error:

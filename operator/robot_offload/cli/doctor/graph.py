@@ -1,6 +1,6 @@
-"""The ROS graph as `doctor` sees it on a robot: who publishes the topics that the collector alone should publish.
+"""The ROS graph as `doctor` sees it on a robot: the publishers of topics that only the collector should publish.
 
-The program that asks runs under the shell's own `python3`, because that is where ROS 2 is; this package needs no ROS.
+The graph is read under the shell's own `python3`, because ROS 2 is there; this package needs no ROS.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from typing import Final
 from robot_offload.cli.doctor.checks import Finding
 
 DISCOVERY_S: Final = 3.0
-"""How long publishers on this network need to be found; counted anew from each node that is found."""
+"""How long discovery on this network may take; counted anew from each node that is found."""
 LONGEST_S: Final = 30.0
-"""A graph in which nodes come and go all the time is looked at for no longer."""
+"""Longest time for which a graph is watched in which nodes keep coming and going."""
 _PROBE: Final = """
 import json, sys, time
 import rclpy
@@ -40,11 +40,11 @@ _LIMIT_S: Final = 90.0
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """What was found.
+    """The publishers found.
 
     Attributes:
         publishers: the nodes that publish each topic, one entry a publisher.
-        problem: why nobody could be asked; empty: it was.
+        problem: why the graph could not be read; empty: it was.
     """
 
     publishers: Mapping[str, Sequence[str]]
@@ -52,7 +52,7 @@ class Graph:
 
 
 def ask(topics: Sequence[str], python: str | None = None) -> Graph:
-    """Look who publishes `topics` in the ROS domain of this shell; take some seconds.
+    """Find out who publishes `topics` in the ROS domain of this shell; this takes some seconds.
 
     Args:
         topics: full names.
@@ -72,7 +72,7 @@ def ask(topics: Sequence[str], python: str | None = None) -> Graph:
 
 
 def judge(graph: Graph) -> Iterator[Finding]:
-    """Yield whether somebody publishes beside the collector. Pure."""
+    """Yield topics that have publishers beside the collector. Pure."""
     if graph.problem:
         yield Finding(
             "Publishers",

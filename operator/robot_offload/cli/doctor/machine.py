@@ -1,4 +1,4 @@
-"""What `doctor` looks at on the machine that it runs on: limits, buffers, ports and the ROS environment."""
+"""The checks of `doctor` on its own machine: limits, buffers, ports and the ROS environment."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Machine:
     Attributes:
         open_files: file descriptors that one process may have.
         realtime: the highest real-time priority that a process of this user may take; 99: any.
-        receive_buffer: bytes that a socket may ask for; None: the system does not say.
+        receive_buffer: bytes that a socket may request; None: not known.
         environment: variables of this shell.
         busy_ports: UDP ports of the robot's ROS domain that cannot be bound.
     """
@@ -45,7 +45,7 @@ def look(domain_id: int | None = None) -> Machine:
     """Look at this machine.
 
     Args:
-        domain_id: the robot's ROS_DOMAIN_ID, for its ports; None: they are not looked at.
+        domain_id: the robot's ROS_DOMAIN_ID, for its ports; None: ports are not checked.
     """
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     realtime, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
@@ -59,11 +59,11 @@ def look(domain_id: int | None = None) -> Machine:
 
 
 def judge(machine: Machine, offload: RobotOffload | None) -> Iterator[Finding]:
-    """Yield what will bite on this machine. Pure.
+    """Yield the problems of this machine. Pure.
 
     Args:
         machine: from `look`.
-        offload: for the robot's ROS settings; None: only what does not depend on them.
+        offload: for the robot's ROS settings; None: checks that depend on them are skipped.
     """
     yield _files(machine.open_files)
     yield _realtime(machine.realtime)
@@ -104,7 +104,7 @@ def _buffer(size: int | None) -> Finding:
 
 
 def _ros(environment: Mapping[str, str], offload: RobotOffload) -> Iterator[Finding]:
-    """Yield the shell's ROS settings against the robot's; a shell without ROS is no robot and nothing is said."""
+    """Compare the shell's ROS settings with the robot's; a shell without ROS is not on a robot and is skipped."""
     robot = offload.spec.robot
     if "ROS_DISTRO" not in environment:
         return
@@ -130,7 +130,7 @@ def _ros(environment: Mapping[str, str], offload: RobotOffload) -> Iterator[Find
 
 
 def _ports(busy: tuple[int, ...]) -> Iterator[Finding]:
-    """Yield ports of the first participants; DDS takes the next ones, so only a row of busy ones is worth a word."""
+    """Yield busy ports of the first participants; DDS takes the next ones, so only a row of busy ports matters."""
     if len(busy) >= 8:
         yield Finding(
             "Ports",
@@ -143,7 +143,7 @@ def _ports(busy: tuple[int, ...]) -> Iterator[Finding]:
 
 
 def tcp_problem(host: str, port: int, timeout_s: float = 3.0) -> str:
-    """Return why a TCP port does not answer from here; empty when it does."""
+    """Return why a TCP port does not answer from here; empty if it does."""
     try:
         socket.create_connection((host, port), timeout_s).close()
     except OSError as error:

@@ -111,7 +111,7 @@ def _run(tool: builders.Tool, request: Request, text: str, dry_run: bool) -> Non
 
 
 def _tool(name: str | None, dry_run: bool) -> builders.Tool:
-    """Return the builder; a dry run shows the commands of one that is not here as well."""
+    """Return the builder; a dry run accepts one that is not installed."""
     known = next((tool for tool in TOOLS if tool == name), None)
     if name is not None and known is None:
         raise InputError(f"--builder: {name!r} is not known; write docker, podman or buildah")
@@ -119,7 +119,7 @@ def _tool(name: str | None, dry_run: bool) -> builders.Tool:
 
 
 def _pinned(spec: BuildSpec | OverlaySpec) -> BuildSpec:
-    """Return `spec` with the commit that its branch or tag names now."""
+    """Return `spec` with the commit to which its branch or tag points now."""
     if not isinstance(spec, BuildSpec) or spec.git is None:
         raise InputError("--pin: goes with --git only")
     if commit(spec.git.ref):
@@ -130,7 +130,7 @@ def _pinned(spec: BuildSpec | OverlaySpec) -> BuildSpec:
 
 
 def _context(spec: BuildSpec | OverlaySpec, folder: Path | None, stack: ExitStack) -> Path:
-    """Return the folder that the Dockerfile copies from; an empty one where it copies nothing."""
+    """Return the folder from which the Dockerfile copies; an empty one if it copies nothing."""
     if isinstance(spec, BuildSpec) and spec.git is None:
         folder = folder or Path()
         if not folder.is_dir():

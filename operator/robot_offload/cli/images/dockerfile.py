@@ -1,6 +1,6 @@
 """`robot-offload dockerfile`: the Dockerfile of a ROS 2 node's image, or of an image with the agent.
 
-The options are those that the features of `robot_offload.images` declare; `build` has the same ones.
+The options are declared by the features of `robot_offload.images`; `build` has the same ones.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ _NODE: Final = "--node"
 
 @dataclass(frozen=True)
 class Options:
-    """Everything that says what the image is.
+    """All options that describe the image.
 
     Attributes:
         agent: whether it is an image with the agent.
         file: with the fields of a `build:` block.
         given: the features' options.
-        resource: file with a RobotOffload, one of whose nodes is meant.
+        resource: file with the RobotOffload to which the node belongs.
     """
 
     agent: bool
@@ -70,12 +70,12 @@ class Options:
         """Return the specification.
 
         Raises:
-            InputError: something in it cannot be used.
+            InputError: one of the options cannot be used.
         """
         if self.resource is not None:
             if self.agent or self.file:
                 raise InputError(f"{self.resource}: a file with a RobotOffload goes with neither --agent nor --spec")
-            # Here the option names a node of the resource, which its image need not know.
+            # Here the option names a node of the resource, which the image need not know.
             options = {**self.given, _NODE: None}
             return node_spec(options, _block_of_node(self.resource, self.given.get(_NODE)), str(self.resource))
         if self.agent:
@@ -134,7 +134,7 @@ def checked_text(options: Options, spec: BuildSpec | OverlaySpec | None = None) 
 
 
 def with_flags(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the features' options to those of `function`, which gets them by the names of `by_option`."""
+    """Add the features' options to those of `function`, which receives them under the names of `by_option`."""
     own = inspect.signature(function, eval_str=True)
     parameters = [parameter for parameter in own.parameters.values() if parameter.kind is parameter.KEYWORD_ONLY]
     parameters += [_parameter(flag) for flag in ALL_FLAGS]
@@ -150,7 +150,7 @@ def with_flags(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def by_option(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by option instead of by the name of a parameter."""
+    """Return values by option instead of by parameter name."""
     return {flag.option: given.get(_name(flag)) for flag in ALL_FLAGS}
 
 
@@ -169,7 +169,7 @@ def _parameter(flag: Flag) -> inspect.Parameter:
 
 
 def _block_of_node(file: Path, name: str | None) -> dict[str, Any]:
-    """Return the `build:` block of a node, with what follows from the rest of its RobotOffload."""
+    """Return the `build:` block of a node, completed from the rest of its RobotOffload."""
     spec = load(file).spec
     built = {node.name: node for node in spec.nodes if node.build is not None}
     if not built:
@@ -183,7 +183,7 @@ def _block_of_node(file: Path, name: str | None) -> dict[str, Any]:
 
 
 def _block(file: Path | None) -> Mapping[str, Any]:
-    """Return the `build:` block of a file, with or without that word; empty without a file."""
+    """Return the `build:` block of a file, with or without the key `build`; empty without a file."""
     if file is None:
         return {}
     try:

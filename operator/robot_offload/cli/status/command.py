@@ -1,4 +1,4 @@
-"""`robot-offload status`: where every robot's nodes act, why, and how the link is."""
+"""`robot-offload status`: which side acts for every robot, why, and how the link is."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ EXAMPLES = (
 WATCH_EVERY_S: Final = 2.0
 PLAIN_COLUMNS: Final = 200
 AT_ONCE: Final = 16
-"""How many agents are asked at a time."""
+"""How many agents are asked concurrently."""
 
 
 def add_to(app: typer.Typer) -> None:
@@ -91,7 +91,7 @@ async def _look(api: KubeApi, hurry: KubeApi, place: str | None, name: str | Non
 
 
 async def _watch(target: Target, place: str | None, name: str | None, console: Console, *, as_json: bool) -> None:
-    """Look again every two seconds. Without a terminal only what is new is printed."""
+    """Look again every two seconds. Without a terminal, print only changes."""
     last = ""
     async with target.api() as api, target.api(HURRY) as hurry:
         with LivePicture(console=console, auto_refresh=False, transient=False) as picture:

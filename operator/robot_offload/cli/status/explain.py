@@ -1,4 +1,4 @@
-"""`robot-offload explain`: why is it not Ready, and what is the next step."""
+"""`robot-offload explain`: why a RobotOffload is not Ready, and the next step."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def explain(
         try:
             events = await api.list(EVENT, place)
         except KubeError:
-            events = []  # who may not read events still gets the answer
+            events = []  # a user who may not read events still gets the answer
         async with target.api(HURRY) as hurry:
             said = await live(hurry, place, name)
         return explanation_of(

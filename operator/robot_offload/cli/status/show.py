@@ -53,12 +53,12 @@ def _row(offload: Observed, live: Live, now: datetime.datetime) -> Iterator[Text
 
 
 def placement(offload: Observed, live: Live) -> str:
-    """Return the side that acts: what the agent says now, else the status."""
+    """Return the active side: as the agent reports now, else from the status."""
     return live.state.site.capitalize() if live.state is not None else offload.placement
 
 
 def placement_reason(offload: Observed, live: Live) -> str:
-    """Return why that side acts, one word."""
+    """Return why that side acts, as one word."""
     return live.state.reason if live.state is not None else offload.placement_reason
 
 
@@ -130,7 +130,7 @@ def _facts(offload: Observed, live: Live, now: datetime.datetime) -> Table:
 
 
 def declares(offload: Observed, what: str) -> bool:
-    """Return whether a node serves or uses such things: `actions`, `services`."""
+    """Return whether a node serves or uses `what`: `actions` or `services`."""
     nodes = [node for node in offload.spec.get("nodes") or () if isinstance(node, Mapping)]
     return any(node.get(what) or (node.get("uses") or {}).get(what) for node in nodes)
 
@@ -195,7 +195,7 @@ def _conditions(offload: Observed, now: datetime.datetime) -> Table:
 
 
 def _texts(*words: str) -> list[Text]:
-    """Return words of others as they are: in a plain string brackets would be read as colours."""
+    """Return foreign words literally: in a plain string brackets would be read as colours."""
     return [Text(word) for word in words]
 
 
@@ -207,7 +207,7 @@ def _list(*headings: str) -> Table:
 
 
 def plain(offload: Observed, live: Live) -> dict[str, Any]:
-    """Return the same for programs."""
+    """Return the same details for programs."""
     state = live.state
     return {
         "namespace": offload.namespace,

@@ -25,7 +25,7 @@ from robot_offload.images.spec import BuildSpec, OverlaySpec
 
 __all__ = ["NODE_FEATURES", "OVERLAY_FEATURES", "Feature", "Flag", "Stage"]
 
-# What changes seldom comes first, so that a change throws away as few cached layers as possible.
+# What changes seldom comes first, so that a change invalidates as few cached layers as possible.
 NODE_FEATURES: Final[tuple[Feature[BuildSpec], ...]] = (
     Base(),
     Apt(),

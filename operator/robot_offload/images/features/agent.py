@@ -1,4 +1,4 @@
-"""The agent together with somebody's message packages, which it must import to pass their messages on."""
+"""The agent together with a user's message packages, which it must import to pass on their messages."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from robot_offload.images.features.feature import Feature, Flag, Stage
 from robot_offload.images.spec import OverlaySpec
 
 HOME: Final = "/opt/robot_offload"
-"""Where the image of the agent keeps everything that is its own: the overlay copies this folder."""
+"""Where the agent's image keeps its own files: the overlay copies this folder."""
 
 
 class Agent(Feature[OverlaySpec]):
-    """Lays the agent over an image that has the messages, or installs packages of messages over the agent's image."""
+    """Lays the agent over an image with the messages, or installs message packages over the agent's image."""
 
     name = "agent"
     stages = ("runtime",)
@@ -50,11 +50,11 @@ class Agent(Feature[OverlaySpec]):
             yield Finding("onto", "Required", "name the image with the messages (--from) or packages (--interfaces)")
 
     def packages(self, spec: OverlaySpec, stage: Stage) -> tuple[str, ...]:
-        """Return packages of messages by their Debian names."""
+        """Return message packages by their Debian names."""
         return tuple(f"ros-{spec.distro}-{name.replace('_', '-')}" for name in spec.interface_packages)
 
     def values(self, spec: OverlaySpec) -> Mapping[str, Any]:
-        """Return what is laid over what."""
+        """Return the layers."""
         return {
             "home": HOME,
             "distro": spec.distro,

@@ -1,4 +1,4 @@
-"""Debian packages: those the user names and those the other features need, in one command per stage."""
+"""Debian packages: the user's and those needed by other features, in one command per stage."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Apt(Feature[BuildSpec]):
-    """Its text is shared by all stages, so `dockerfiles` fills it with the packages of every feature."""
+    """Debian packages. All stages share its text, which `dockerfiles` fills with the packages of every feature."""
 
     name = "apt"
     flags = (
@@ -21,5 +21,5 @@ class Apt(Feature[BuildSpec]):
     )
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Return what the user names, where the source is built and where it runs."""
+        """Return the user's packages, where the source is built and where it runs."""
         return spec.apt_packages if stage in ("dependencies", "runtime") else ()

@@ -1,4 +1,4 @@
-"""The distribution and the images that everything stands on."""
+"""The distribution and the base images."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DISTRO_FLAG: Final = Flag(
 
 
 class Base(Feature[BuildSpec]):
-    """The FROM lines themselves are written by `dockerfiles`, which knows the stages."""
+    """The base images. `dockerfiles`, which knows the stages, writes the FROM lines."""
 
     name = "base"
     flags = (
@@ -35,7 +35,7 @@ class Base(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Report what the table says about the distribution, and that there is exactly one source."""
+        """Report what the table warns of about the distribution, and that there is exactly one source."""
         if spec.release.warning:
             yield Finding("distro", "Distro", spec.release.warning, "warning")
         given = [name for name in ("git", "workspace", "repos") if getattr(spec, name) is not None]

@@ -1,4 +1,4 @@
-"""The build of the package and of what it needs from the same source."""
+"""The build of the package and of its dependencies from the same source."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Colcon(Feature[BuildSpec]):
     )
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Return what is built, and from which cache."""
+        """Return the packages to build, and their cache."""
         return {
             "package": spec.package,
             "packages": (spec.package, *spec.packages),
@@ -39,7 +39,7 @@ class Colcon(Feature[BuildSpec]):
 
 
 def _source_key(spec: BuildSpec) -> str:
-    """Report sources apart, so that equal package names of two projects never share object files."""
+    """Return a hash per source, so that equal package names of two projects never share object files."""
     source = spec.git.url if spec.git else str(spec.workspace or spec.repos)
     text = "\n".join((source, spec.build_image, *spec.cmake_arguments))
     return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -1,4 +1,4 @@
-"""What runs, how it starts and how it ends."""
+"""The program, how it starts and how it ends."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robot_offload.images.spec import BuildSpec
 class Entrypoint(Feature[BuildSpec]):
     """Sources the installation and the overlay, then becomes the program; tini is process 1 and passes signals on.
 
-    `ros2 run` itself would swallow the signal that ends a container, so the program it would start is started
-    directly. `ros2 launch` ends its nodes in order at SIGINT only (launch's `launch_service.py`); at SIGTERM it leaves
-    them behind. It passes the signal on to its nodes itself, so tini must not do the same.
+    `ros2 run` would swallow the signal that ends a container, so its program is started directly. `ros2 launch` ends
+    its nodes in order at SIGINT only (launch's `launch_service.py`); at SIGTERM it leaves them behind. It passes the
+    signal on to its nodes itself, so tini must not.
     """
 
     name = "entrypoint"
@@ -27,7 +27,7 @@ class Entrypoint(Feature[BuildSpec]):
     )
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yield findings: there is one thing to run, and autostart knows one node."""
+        """Check that there is one thing to run; autostart supports one node."""
         if (spec.executable is None) == (spec.launch is None):
             found = "none" if spec.executable is None else "both"
             yield Finding("executable", "Required", f"needs either executable or launch, found {found}")
@@ -36,7 +36,7 @@ class Entrypoint(Feature[BuildSpec]):
             yield Finding("autostart", "NotSupported", message)
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Return process 1."""
+        """Return the package of process 1."""
         return ("tini",) if stage == "runtime" else ()
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:

@@ -11,8 +11,8 @@ from robot_offload.images.features.feature import Feature, Flag
 from robot_offload.images.spec import BuildSpec
 
 FIXED: Final = {
-    # The only folder that can be written where the root file system is read-only.
-    "HOME": "/tmp",  # noqa: S108 - of the container, which has it for itself
+    # The only writable folder if the root file system is read-only.
+    "HOME": "/tmp",  # noqa: S108 - of the container alone
     "ROS_LOG_DIR": "/tmp/ros",  # noqa: S108
     "PYTHONDONTWRITEBYTECODE": "1",
     "PYTHONUNBUFFERED": "1",
@@ -33,7 +33,7 @@ _SECRET: Final = re.compile(r"PASSWORD|PASSWD|SECRET|TOKEN|PRIVATE_KEY|API_?KEY|
 
 
 class Environment(Feature[BuildSpec]):
-    """What the node finds in its environment."""
+    """The node's environment."""
 
     name = "environment"
     stages = ("runtime",)

@@ -1,4 +1,4 @@
-"""What a feature of an image is: it owns its options, its rules and its text; none exists without the others."""
+"""A feature of an image: it owns its options, its rules and its text, which exist only together."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Flag:
             (`env`, NAME=VALUE each) and a mapping (`labels`, NAME=VALUE each).
         help: one or two sentences.
         kind: `texts` may be given several times, a `switch` has no value.
-        metavar: what its value is called in the help text.
+        metavar: name of its value in the help text.
     """
 
     option: str
@@ -40,7 +40,7 @@ class Feature(Generic[Spec_contra]):
 
     Attributes:
         name: one word.
-        stages: where it writes something, when it is wanted.
+        stages: the stages in which it writes something, if wanted.
         flags: its options.
     """
 
@@ -49,17 +49,17 @@ class Feature(Generic[Spec_contra]):
     flags: ClassVar[tuple[Flag, ...]] = ()
 
     def wanted(self, spec: Spec_contra) -> bool:
-        """Return whether this image has the feature."""
+        """Return whether this image uses the feature."""
         return True
 
     def check(self, spec: Spec_contra) -> Iterator[Finding]:
-        """Yield the rules between fields that it needs, checked whether it is wanted or not."""
+        """Check the feature's rules between fields, whether it is wanted or not."""
         yield from ()
 
     def packages(self, spec: Spec_contra, stage: Stage) -> tuple[str, ...]:
-        """Return Debian packages that it needs in a stage."""
+        """Return the Debian packages that the feature needs in a stage."""
         return ()
 
     def values(self, spec: Spec_contra) -> Mapping[str, Any]:
-        """Return what its templates are filled with."""
+        """Return the values for its templates."""
         return {}

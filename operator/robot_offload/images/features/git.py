@@ -1,4 +1,4 @@
-"""Source code from a git repository: a sparse checkout of one commit, private ones through secrets of the build."""
+"""Source code from a git repository: a sparse checkout of one commit; private ones need secrets of the build."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Git(Feature[BuildSpec]):
         return spec.git is not None
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yield findings: a branch moves, and ssh and tokens need an address of their kind."""
+        """Warn that a branch moves, and check that ssh and tokens have an address of their kind."""
         if spec.git is None:
             return
         if commit(spec.git.ref) is None:
@@ -60,7 +60,7 @@ class Git(Feature[BuildSpec]):
             yield Finding("git.credentials", "WrongCredentials", "SSH is for ssh:// and user@host:path addresses")
 
     def packages(self, spec: BuildSpec, stage: Stage) -> tuple[str, ...]:
-        """Return ssh, where needed; the official images have only git."""
+        """Return ssh if needed; the official images have only git."""
         over_ssh = spec.git is not None and spec.git.credentials == "SSH"
         return ("openssh-client",) if over_ssh and stage == "sources" else ()
 

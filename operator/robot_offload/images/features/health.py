@@ -10,7 +10,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Health(Feature[BuildSpec]):
-    """Asks the node in ROS: a process that is there may have stopped answering."""
+    """Asks the node in ROS: a running process may have stopped answering."""
 
     name = "health"
     stages = ("runtime",)
@@ -23,10 +23,10 @@ class Health(Feature[BuildSpec]):
     )
 
     def wanted(self, spec: BuildSpec) -> bool:
-        """Return whether there is one."""
+        """Return whether the image has a health check."""
         return spec.health_check != "None"
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Return the helper's question."""
+        """Return the question for the helper."""
         command = ("/usr/local/bin/robot-offload-node", "python3", "/usr/local/lib/robot-offload-lifecycle.py")
         return {"command": (*command, spec.health_check.lower())}

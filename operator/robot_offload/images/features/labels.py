@@ -1,4 +1,4 @@
-"""Labels: where the image comes from, for people and for registries."""
+"""Labels: the image's origin, for people and for registries."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _check(labels: Mapping[str, str]) -> Iterator[Finding]:
 
 
 class Labels(Feature[BuildSpec]):
-    """Labels of OCI and our own. No date: the same source gives the same image."""
+    """OCI's labels and our own. No date: the same source gives the same image."""
 
     name = "labels"
     stages = ("runtime",)
@@ -49,7 +49,7 @@ class Labels(Feature[BuildSpec]):
 
 
 class OverlayLabels(Feature[OverlaySpec]):
-    """The same for an image with the agent."""
+    """The labels of an image with the agent."""
 
     name = "labels"
     stages = ("runtime",)

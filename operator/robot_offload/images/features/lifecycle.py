@@ -1,4 +1,4 @@
-"""Managed (lifecycle) nodes: who takes them to Active, and the helper in the image that does it."""
+"""Managed (lifecycle) nodes: what activates them, and the helper in the image that does it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Lifecycle(Feature[BuildSpec]):
-    """The agent takes nodes to Active. An image that runs without one can do it by itself."""
+    """The agent activates nodes. An image that runs without an agent can do it by itself."""
 
     name = "lifecycle"
     stages = ("runtime",)
@@ -36,7 +36,7 @@ class Lifecycle(Feature[BuildSpec]):
         return spec.autostart or spec.health_check != "None"
 
     def check(self, spec: BuildSpec) -> Iterator[Finding]:
-        """Yield a finding unless the helper knows whom to ask."""
+        """Check that the helper knows its node."""
         if self.wanted(spec) and spec.node is None:
             yield Finding("node", "Required", "is missing; autostart and the health check ask a node by its name")
 

@@ -1,4 +1,4 @@
-"""Python packages, in a folder of their own that both the build and the run see."""
+"""Python packages, in a separate folder that both the build and the run see."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Pip(Feature[BuildSpec]):
-    """Installs into /opt/python, so that the running image needs no pip and the system's Python stays as it is."""
+    """Installs into /opt/python, so that the final image needs no pip and the system's Python is unchanged."""
 
     name = "pip"
     stages = ("dependencies",)

@@ -10,7 +10,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Repos(Feature[BuildSpec]):
-    """Fetches what vcs finds in the file; it is cached until the file changes, so it should name commits or tags."""
+    """Fetches the repositories in the file; cached until the file changes, so it should name commits or tags."""
 
     name = "repos"
     stages = ("sources",)
@@ -23,5 +23,5 @@ class Repos(Feature[BuildSpec]):
         return spec.repos is not None
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Return the file, and where it goes."""
+        """Return the file and its target."""
         return {"copy": (spec.repos.file if spec.repos else "", "/ws/source.repos")}

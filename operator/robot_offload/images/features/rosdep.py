@@ -10,7 +10,7 @@ from robot_offload.images.spec import BuildSpec
 
 
 class Rosdep(Feature[BuildSpec]):
-    """Installs what the build needs, and writes down what the run needs; only package.xml files count for the cache."""
+    """Installs the build's dependencies and records the run's; the cache depends only on package.xml files."""
 
     name = "rosdep"
     stages = ("sources", "dependencies")
@@ -26,7 +26,7 @@ class Rosdep(Feature[BuildSpec]):
     )
 
     def values(self, spec: BuildSpec) -> Mapping[str, Any]:
-        """Return the packages that count, and what depends on the distribution."""
+        """Return the relevant packages, and the distribution's own values."""
         return {
             "packages": (spec.package, *spec.packages),
             "skip_keys": spec.skip_keys,

@@ -1,4 +1,4 @@
-"""The user that the image runs as."""
+"""The image's user."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_offload.images.spec import BuildSpec, OverlaySpec
 
 
 class User(Feature[BuildSpec | OverlaySpec]):
-    """Not root, by number: Kubernetes cannot check a name. Everything that is written goes to /tmp."""
+    """Not root, as a number: Kubernetes cannot check a name. Everything is written to /tmp."""
 
     name = "user"
     stages = ("runtime",)

@@ -1,4 +1,4 @@
-"""Source code from the folder that is given to the build."""
+"""Source code from the folder given to the build."""
 
 from __future__ import annotations
 
