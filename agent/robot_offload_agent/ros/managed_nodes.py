@@ -6,6 +6,7 @@ import difflib
 import logging
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from robot_offload_agent.ros.undeclared import Declared, Undeclared
+from robot_offload_agent.runtime.clock import now_s
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.control.nodes import guardians, managed_nodes
 from robot_offload_core.control.nodes.managed_nodes import Transition
@@ -40,6 +42,10 @@ TRANSITIONS = {
 }
 KEPT_INHIBITS = 8
 """Most unanswered requests to the driver; rclpy would keep one to a dead driver for ever."""
+UNANSWERED_S = 5.0
+"""A request without an answer for this long was lost; Fast DDS repeats one that did not arrive after 3 s. Sooner, the
+node may still carry it out, and a second one behind it. A node of rclpy that is asked for a transition that its state
+does not have raises an error: its process ends."""
 NAME_LIKENESS = 0.75
 """Likeness by difflib's measure above which a name is taken for a typing error: `detecter` for `detector` has 0.9."""
 
@@ -57,6 +63,28 @@ def full_name(configuration: Configuration, name: str) -> str:
     return found if found.startswith("/") else f"{configuration['namespace'].rstrip('/')}/{found}"
 
 
+@dataclass(frozen=True)
+class Unanswered:
+    """The newest request of a transition.
+
+    Attributes:
+        transition: that was asked for.
+        call: done when it was answered.
+        since_s: when it was sent, steady clock.
+    """
+
+    transition: Transition
+    call: Any
+    since_s: float
+
+
+class Known:
+    """A state that a node has reported; each report is an object of its own."""
+
+    def __init__(self, state: State) -> None:
+        self.state = state
+
+
 class ManagedNodes:
     """Service clients of one side's managed nodes. Calls are made on the deciding thread and answered on ROS's."""
 
@@ -69,6 +97,8 @@ class ManagedNodes:
         self.change: dict[str, Any] = {}
         self.read: dict[str, Any] = {}
         self.pending: dict[Any, Any] = {}  # client -> its newest call
+        self.unanswered: dict[str, Unanswered] = {}
+        self.known: dict[str, Known] = {}
         self.inhibits: deque[Any] = deque()
         self.watched: list[Any] = []
         self.managers: dict[str, set[str]] = {}
@@ -125,6 +155,7 @@ class ManagedNodes:
     def _event(self, name: str, message: TransitionEvent) -> None:
         state = STATES.get(message.goal_state.id)
         if state is not None:
+            self._know(name, state)
             self.post(managed_nodes.Observed(name, state))
 
     def carry_out(self, command: managed_nodes.Command) -> None:
@@ -144,30 +175,52 @@ class ManagedNodes:
     def _change(self, name: str, transition: Transition) -> None:
         client = self.change[name]
         if not client.service_is_ready():
+            self.unanswered.pop(name, None)  # its process has gone, and the request with it
             return  # the core's deadline turns this into a read
+        before = self.unanswered.get(name)
+        if before is not None and not before.call.done() and now_s() < before.since_s + UNANSWERED_S:
+            return  # the node may still carry it out, and a second one then ends its process
         request = ChangeState.Request()
         request.transition.id = TRANSITIONS[transition]
 
         def done(future: Any) -> None:
             response = future.result()
             if response is not None:
+                if response.success:
+                    self._know(name, managed_nodes.GOAL[transition])
                 self.post(managed_nodes.Answered(name, transition, response.success))
 
-        self._call(client, request, done)
+        self.unanswered[name] = Unanswered(transition, self._call(client, request, done), now_s())
 
     def _read(self, name: str) -> None:
         client = self.read[name]
         if not client.service_is_ready():
             self.post(managed_nodes.Observed(name, State.UNKNOWN))
             return
+        known = self.known.get(name)
 
         def done(future: Any) -> None:
             response = future.result()
             state = STATES.get(response.current_state.id) if response is not None else None
+            newer = self.known.get(name)
+            if newer is not known and newer is not None:
+                state = newer.state  # the node has changed since it was asked
+            if state is State.UNCONFIGURED:
+                self._forget_unless_configuring(name)
             if state is not None:  # in transition: the event reports its end
                 self.post(managed_nodes.Observed(name, state))
 
         self._call(client, GetState.Request(), done)
+
+    def _know(self, name: str, state: State) -> None:
+        """Note a state that the node has reported by itself or by an answer: it is newer than reads under way."""
+        self.known[name] = Known(state)
+
+    def _forget_unless_configuring(self, name: str) -> None:
+        """Wait no longer for a process that was started anew; one that is to be configured may still do that."""
+        before = self.unanswered.get(name)
+        if before is not None and before.transition is not Transition.CONFIGURE:
+            del self.unanswered[name]
 
     def _inhibit(self, command: managed_nodes.Inhibit) -> None:
         assert self.inhibit is not None
@@ -190,13 +243,14 @@ class ManagedNodes:
         self.inhibits.append(future)
         future.add_done_callback(done)
 
-    def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> None:
-        """Call, and forget the call before: rclpy keeps an unanswered one for ever."""
+    def _call(self, client: Any, request: Any, done: Callable[[Any], None]) -> Any:
+        """Return the future of a call; forget the call before, because rclpy keeps an unanswered one for ever."""
         before = self.pending.get(client)
         if before is not None:
             client.remove_pending_request(before)
         future = self.pending[client] = client.call_async(request)
         future.add_done_callback(done)
+        return future
 
     def other_managers(self) -> dict[str, str]:
         """Return, for each node, the other program that manages it as well; "" for none."""
