@@ -19,7 +19,7 @@ from robot_offload_sim.world.coverage import Pair
 
 @dataclass(frozen=True)
 class Broken:
-    """A violation: in which stretch, what, and the last events before it."""
+    """A violation: its stretch, its text, and the last events before it."""
 
     index: int
     text: str
@@ -28,7 +28,7 @@ class Broken:
 
 @dataclass
 class Total:
-    """What a campaign has come to; `unreplayed`: stretches that went well and whose black boxes held no step."""
+    """The totals of a campaign; `unreplayed`: stretches without a violation whose black boxes held no step."""
 
     simulated_s: float = 0.0
     faults: int = 0
@@ -64,12 +64,12 @@ class Total:
 
     @property
     def missing(self) -> list[Pair]:
-        """Pairs of state and event that can occur and did not."""
+        """Return the pairs of state and event that can occur but did not."""
         return sorted(coverage.expected() - self.pairs.keys())
 
     @property
     def covered_share(self) -> float:
-        """Share of the pairs that can occur."""
+        """Return the share of the possible pairs that occurred."""
         expected = coverage.expected()
         return len(expected & self.pairs.keys()) / len(expected)
 
@@ -80,7 +80,7 @@ def chunks_for(hours: float) -> int:
 
 
 def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, Outcome]:
-    """Run one stretch, with goals and calls in some or in all; seed and index repeat it on any machine."""
+    """Run one stretch, with goals and calls in some or all; seed and index reproduce it on any machine."""
     with planted(MUTANTS[mutant] if mutant else None):
         if goals or goal_storm.with_goals(index):
             outcome = goal_storm.live(seed, index, state=goals)
@@ -93,7 +93,7 @@ def live(seed: int, mutant: str | None, goals: bool, index: int) -> tuple[int, O
 def run(
     seed: int, indices: range, workers: int, mutant: str | None = None, *, goals: bool = False
 ) -> Iterator[tuple[int, Outcome]]:
-    """Live through the stretches, in any order, each as it is done; `goals`: all of them with goals and call."""
+    """Run the stretches and yield each as it is done, in any order; `goals`: all of them with goals and calls."""
     task = partial(live, seed, mutant, goals)
     if workers <= 1:
         gc.disable()

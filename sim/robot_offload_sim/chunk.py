@@ -1,4 +1,4 @@
-"""One stretch of simulated time: a world from one seed, lived to its end or to the first violation."""
+"""One stretch of simulated time: a world from one seed, run to its end or to the first violation."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from robot_offload_sim.world.violations import ViolationError
 CHUNK_S = 60.0
 STORY_LENGTH = 40
 BOXED = 17
-"""Every 17th stretch is in its black boxes as a whole, the others with a part: writing and replaying a whole one takes
-half as long again as to live it. 17 has no divisor in common with the stretches in which only the link fails (5) or
+"""Every 17th stretch is kept in its black boxes as a whole, the others in part: writing and replaying a whole one takes
+half as long again as running it. 17 has no divisor in common with the stretches in which only the link fails (5) or
 goals run (6), so all kinds get some."""
 BOXED_SHARE = 0.2
 
 
 def boxed_s(seed: int, index: int) -> tuple[float, float]:
-    """Return from when to when a stretch is kept in black boxes, seconds of true time."""
+    """Return start and end of the part of a stretch that is kept in black boxes, seconds of true time."""
     if index % BOXED == BOXED - 1:
         return boxes.WHOLE
     begins_s = random.Random(f"{seed}/{index}/boxes").uniform(0.0, (1.0 - BOXED_SHARE) * CHUNK_S)
@@ -38,16 +38,16 @@ def boxed_s(seed: int, index: int) -> tuple[float, float]:
 
 @dataclass
 class Outcome:
-    """What one stretch has come to; figures add up with `add`.
+    """The outcome of one stretch; `add` adds up figures.
 
     Attributes:
-        simulated_s, faults, events: how much was lived through.
+        simulated_s, faults, events: how much was simulated.
         commanded, sudden: changeovers.
         passed_robot, passed_cloud: messages passed.
-        worlds: of the stretch.
-        goals_s: how much of it had goals and calls.
-        state_s: and state.
-        replayed: steps that the replay of the black boxes came to, each with the decisions that were written.
+        worlds: worlds of the stretch.
+        goals_s: seconds of it with goals and calls.
+        state_s: seconds of it with state.
+        replayed: steps in the replay of the black boxes, each with the recorded decisions.
         pairs: coverage.
         violation: the text of the first violation, with the story that led to it.
     """
@@ -70,7 +70,7 @@ class Outcome:
 
 
 class Chunk:
-    """A system in its storms, watched."""
+    """A system in its storms, with its observer."""
 
     def __init__(self, seed: int, index: int, draw: Callable[[random.Random], Scenario] = scenarios.draw) -> None:
         name = f"{seed}/{index}"

@@ -67,7 +67,7 @@ def simulate(
         for index, outcome in campaign.run(seed, indices, 1 if chunk >= 0 else workers, mutant or None, goals=goals):
             total.add(index, outcome)
             progress.advance(task)
-            if outcome.violation:  # a long run says so at once
+            if outcome.violation:  # a long run reports it at once
                 replay = replay_command(seed, index, mutant, goals=goals)
                 progress.console.print(f"VIOLATION {outcome.violation}. Replay: {replay}", markup=False, soft_wrap=True)
     for broken in sorted(total.broken, key=lambda b: b.index)[:3]:
@@ -78,7 +78,7 @@ def simulate(
 
 
 def replay_command(seed: int, index: int, mutant: str = "", *, goals: bool = False) -> str:
-    """Return the command that lives through one stretch again: on another commit the seed plays another story."""
+    """Return the command that repeats one stretch; on another commit the seed gives another course of events."""
     planted = (f" --mutant {mutant}" if mutant else "") + (" --goals" if goals else "")
     commit = present_commit()
     named = f" --commit {commit}" if commit else ""
@@ -86,7 +86,7 @@ def replay_command(seed: int, index: int, mutant: str = "", *, goals: bool = Fal
 
 
 def present_commit() -> str:
-    """Return the short name of this checkout's commit; "" where there is none."""
+    """Return the short name of this checkout's commit; "" if there is none."""
     asked = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short=10", "HEAD"]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, check=True)

@@ -1,1 +1,1 @@
-"""Measurements: what the product claims, measured by programs outside of it. See `main`."""
+"""Measurements of what the product claims, by programs outside of it. See `main`."""

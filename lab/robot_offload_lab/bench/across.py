@@ -18,7 +18,7 @@ BBR: Final = "net.ipv4.tcp_congestion_control=bbr"
 
 
 class AcrossHosts(MeasuredSystem):
-    """See the module. Needs root.
+    """Runs the robot's and the cloud's programs in their own network namespaces. Needs root.
 
     Attributes:
         bears_loss: whether the robot's TCP uses BBR, which this kernel may lack.

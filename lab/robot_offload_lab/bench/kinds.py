@@ -19,7 +19,7 @@ class MessageKind:
     """One type of message.
 
     Attributes:
-        name: a word; topics are made of it.
+        name: a word, used in topic names.
         type: as ROS names it.
     """
 

@@ -1,8 +1,8 @@
 """`python -m robot_offload_lab.bench.link_table`: what links of several kinds carry.
 
 Both agents run between two network namespaces, with one load as a required input. The link is changed while everything
-runs, so each kind takes seconds. The rows stay in `links.json`, so that a table can be measured in several turns; with
-`--docs` the file beside the page is written anew from all of them.
+runs, so each kind takes seconds. The rows are kept in `links.json`, so that a table can be measured in several runs;
+with `--docs` the file beside the page is rewritten from all of them.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from robot_offload_lab.wire.two_hosts import TwoHosts
 FILE: Final = "links.json"
 TABLE: Final = Path("explanation/links.csv")
 SETTLE_S: Final = 4.0
-"""After each change of the link: until it is known what it carries."""
+"""Time after each change of the link until its capacity is known."""
 MAX_AGE_MS: Final = 500
 QUEUE_MS: Final = 100
-"""In front of the limited rate, as a home router has it."""
+"""Queue in front of the limited rate, as in a home router."""
 TOLERANCE_MS: Final = 150
 DOMAINS: Final = (1, 2)
-"""Any: each side is a host of its own."""
+"""Arbitrary, because each side is a host of its own."""
 SWITCHING: Final = (
     ("lease", "320ms"), ("maxCommandAge", "250ms"),
     ("holdDown", {"initial": "100ms", "max": "300ms", "flapWindow": "1s"}),
@@ -45,7 +45,7 @@ SWITCHING: Final = (
 
 
 def case(load: TopicLoad) -> BenchCase:
-    """Return the resource in which a load is a required input, thinned to what the link carries, newest first."""
+    """Return the case in which a load is a required input, thinned to what the link carries, newest first."""
     settings = (("minRate", 3), ("latest", True))
     return BenchCase(
         f"links-{load.name}", LinkOptions(delay="5ms"), tolerance_ms=TOLERANCE_MS, cloud_rate_hz=20.0,
@@ -57,16 +57,16 @@ def measure(
     loads: Sequence[TopicLoad], cells_of: Callable[[str], Sequence[Cell]], seconds: float, out: Path,
     known: Sequence[Row], kept: Callable[[Row], None], limit_s: float,
 ) -> bool:  # fmt: skip
-    """Measure what is not known yet; return whether that is everything.
+    """Measure what is not known yet; return whether everything was measured.
 
     Args:
         loads: what is published.
         cells_of: returns the links of a load, by its name.
         seconds: of each observation.
         out: folder for the runs' files.
-        known: rows that are there already.
-        kept: called with each row as soon as its load is through.
-        limit_s: no other load is begun, and no other link, after so long.
+        known: rows that exist already.
+        kept: called with each row as soon as its load is done.
+        limit_s: seconds after which no further load or link is begun.
 
     Raises:
         InputError: this machine cannot make two hosts.
@@ -114,7 +114,7 @@ def read(out: Path) -> list[Row]:
     """Return the rows that are kept in a folder.
 
     Raises:
-        InputError: the file is something else.
+        InputError: the file has another content.
     """
     path = out / FILE
     return links.decode(path.read_text(encoding="utf-8"), str(path)) if path.exists() else []
@@ -136,12 +136,12 @@ def write_table(docs: Path, rows: Sequence[Row]) -> Path:
 
 
 def fresh(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of today: what `--resume` does not measure again."""
+    """Return today's rows, which `--resume` does not measure again."""
     return [row for row in rows if row.date == time.strftime("%Y-%m-%d", time.gmtime())]
 
 
 def chosen(loads: Sequence[TopicLoad], names: Sequence[str]) -> list[TopicLoad]:
-    """Return the loads of these names, all without any.
+    """Return the loads of these names; without names all.
 
     Raises:
         InputError: there is no such load.

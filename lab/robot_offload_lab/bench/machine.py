@@ -1,4 +1,4 @@
-"""On what it was measured: the class of machine, versions, and how busy it was besides."""
+"""The machine of a measurement: its class, versions, and how busy it was besides."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def describe() -> dict[str, Any]:
 
 
 def words(known: Mapping[str, Any]) -> str:
-    """Return what `describe` gave, in one line."""
+    """Return the result of `describe` in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in known["versions"].items())
     return (
         f"{known['cores']} cores ({known['processor']}), {known['memory_gb']} GB, {known['system']}, "
@@ -36,7 +36,7 @@ def words(known: Mapping[str, Any]) -> str:
 
 
 def commit() -> str:
-    """Return the commit of this clone; the version where there is none."""
+    """Return the commit of this clone, or else the version."""
     done = subprocess.run(
         ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"],
         capture_output=True, text=True, check=False,
@@ -45,7 +45,7 @@ def commit() -> str:
 
 
 def load() -> float:
-    """Return processes that ran or waited to run, averaged over the last minute."""
+    """Return the number of processes that ran or waited to run, averaged over the last minute."""
     return os.getloadavg()[0]
 
 

@@ -1,7 +1,7 @@
 """The command of the bench: `robot-offload bench`, or `python -m robot_offload_lab.bench`.
 
-Nothing here asserts a time: the command ends with 0 when it could measure, whatever came out. The tables say what was
-demanded and whether it was kept.
+Nothing here asserts a time: the command ends with 0 when it could measure, whatever the result. The tables state what
+was demanded and whether it was kept.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SETS: Final[dict[str, tuple[Group, ...]]] = {
     "latency": (Group.EXPERIMENT,),
     "weight": (Group.RESOURCES,),
 }
-"""Names for several groups, or for one by what it is about."""
+"""Names of several groups together, or of one by its subject."""
 NAMES: Final = (*SETS, *(group.value for group in Group if group.value not in SETS))
 CASES: Final = {
     Group.EXPERIMENT: experiment.CASES,

@@ -1,4 +1,4 @@
-"""What the bench's observers write down, a JSON object a line, and how it is read back. Pure but for `read`.
+"""What the bench's observers record, one JSON object per line, and how it is read back. Pure except for `read`.
 
 All times are seconds of this host's steady clock (CLOCK_BOOTTIME), which the agents use too.
 """
@@ -154,7 +154,7 @@ def parse(lines: Iterable[str]) -> Iterator[Observation]:
 
 
 def read(path: Path) -> tuple[Observation, ...]:
-    """Return what an observer has written; nothing when it never came to write."""
+    """Return what an observer has written; nothing if it has not written at all."""
     if not path.exists():
         return ()
     with path.open(encoding="utf-8") as lines:
@@ -162,10 +162,10 @@ def read(path: Path) -> tuple[Observation, ...]:
 
 
 def only(kind: type[Kind], observations: Iterable[Observation]) -> tuple[Kind, ...]:
-    """Return those of one kind, in the order of time."""
+    """Return the observations of one kind, in the order of time."""
     return tuple(sorted((o for o in observations if isinstance(o, kind)), key=lambda o: o.t_s))
 
 
 def size_of(sequence: int, sizes: Sequence[int]) -> int:
-    """Return the payload of the message with this number: the sizes take turns."""
+    """Return the payload size of the message with this number: the sizes take turns."""
     return sizes[sequence % len(sizes)]

@@ -2,10 +2,10 @@
 
 Starts the test cluster's control plane and one operator process with the rights that the chart gives it, and applies
 the objects, a few at a time, some with a parameter file of the size of Nav2's. Then robots report: their Leases move,
-as the reporters beside their agents move them. Measured are: how long each object takes until its status says that
-everything is applied, alone and while all others are looked at in a resync; how many requests that took and how many
-are sent while nothing changes; the processor time; how long a new operator needs until it has seen all, and its memory
-then. Nothing here asserts: the table names the aims.
+as the reporters beside their agents move them. Measured are: how long each object takes until its status reports that
+everything is applied, alone and during a resync of all others; how many requests that took, and how many are sent while
+nothing changes; the processor time; how long a new operator needs to see all objects, and its memory then. Nothing here
+asserts: the table states the aims.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _APPLIED: Final = 'robot_offload_condition{status="True",type="ResourcesApplied"
 _AT_ONCE: Final = 8
 _DURING_RESYNC: Final = 20
 _PARAMETERS: Final = 20_000
-"""Bytes of a parameter file, as Nav2's own bring-up has them."""
+"""Bytes of a parameter file, as in Nav2's own bring-up."""
 _NODES: Final = 8
 """Nodes of Nav2 that read one parameter file."""
 
@@ -47,20 +47,20 @@ class Measured:
 
     Attributes:
         objects: how many RobotOffloads.
-        cores: of this machine.
-        load: of this machine before it began: processes that wanted a core, over a minute.
-        settle_p50_s: from the apply to the status that says Applied, median; some are applied at once.
-        settle_p99_s: the same, what one of a hundred exceeds.
-        reads_per_object: requests that read, until everything was quiet.
-        writes_per_object: requests that write, until everything was quiet.
+        cores: cores of this machine.
+        load: load of this machine before the start: processes that wanted a core, over a minute.
+        settle_p50_s: from the apply to the status Applied, median; some are applied at the same time.
+        settle_p99_s: the same, 99th percentile.
+        reads_per_object: read requests until everything was quiet.
+        writes_per_object: write requests until everything was quiet.
         cpu_per_object_s: processor time of the operator for one new object.
-        steady_s: for how long nothing changed but Leases, with one resync.
+        steady_s: how long only Leases changed, with one resync.
         steady_reads: reads in that time.
         steady_writes: writes in that time, without the leader's Lease.
         steady_cpu_percent: processor time of the operator in that time, in percent of one core.
         resync_p50_s: as `settle_p50_s`, one by one during the resync.
         resync_p99_s: the same, the longest of these.
-        restart_s: until a new operator had looked at every object.
+        restart_s: time until a new operator had looked at every object.
         restart_reads: what it read.
         restart_writes: what it wrote.
         restart_cpu_per_object_s: processor time of the new operator for one object.
@@ -92,7 +92,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What is measured.
+    """Options of a measurement.
 
     Attributes:
         objects: how many RobotOffloads.
@@ -235,7 +235,7 @@ def _applied(offload: Manifest | None) -> bool:
 
 
 async def _quiet(operator: Operator) -> tuple[int, int]:
-    """Read and write, once no request has come for some seconds."""
+    """Wait until no request has come for some seconds; return the numbers of reads and writes."""
     last, calm = operator.requests(), 0
     while calm < 5:
         await asyncio.sleep(1.0)
@@ -285,7 +285,7 @@ def _offload(name: str, nodes: list[Manifest]) -> Manifest:
         "apiVersion": ROBOT_OFFLOAD.api_version,
         "kind": ROBOT_OFFLOAD.kind,
         "metadata": {"name": name, "namespace": PLACE},
-        # Not LoadBalancer: a cluster has some 2,700 node ports, and each of those takes four.
+        # Not LoadBalancer: a cluster has some 2,700 node ports, and each LoadBalancer takes four.
         "spec": {"nodes": nodes, "transport": {"type": "Zenoh", "expose": {"type": "ClusterIP"}}},
     }
 

@@ -1,4 +1,4 @@
-"""What the bench of the operator runs beside itself: a control plane, operator processes, robots that renew Leases."""
+"""What the operator's bench runs: a control plane, operator processes, robots that renew Leases."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLACE: Final = "bench"
 """The namespace of the objects."""
 PATIENCE_S: Final = 120.0
 _HOME: Final = "default"
-"""Where the operator is at home."""
+"""The operator's own namespace."""
 _CHART: Final = Path(__file__).resolve().parents[3] / "charts" / "robot-offload"
 _READS: Final = ("get", "list", "watch")
 _LEASE_EVERY_S: Final = 10.0
@@ -56,7 +56,7 @@ class Operator:
             )
 
     def port(self) -> int:
-        """Return of /metrics, as soon as it serves."""
+        """Return the port of /metrics, as soon as it serves."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             for line in self._log.read_text(errors="replace").splitlines():
@@ -74,7 +74,7 @@ class Operator:
         return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines if line[0] != "#")}
 
     def requests(self) -> tuple[int, int]:
-        """Read and write so far."""
+        """Return the numbers of reads and writes so far."""
         counts = {
             match.group(1): int(value)
             for name, value in self.metrics().items()
@@ -95,7 +95,7 @@ class Operator:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def stop(self) -> None:
-        """End it; the next one may lead at once."""
+        """End it; the next operator may lead at once."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGTERM)
         self._process.wait(60)
@@ -122,8 +122,8 @@ def account(administrator: Path, directory: Path) -> Path:
     """Install the rights that the chart gives the operator; return a kubeconfig with these and no others.
 
     Args:
-        administrator: kubeconfig of whoever may give rights.
-        directory: where the new one is written.
+        administrator: kubeconfig of a user who may grant rights.
+        directory: where the new kubeconfig is written.
     """
     built = programs.ensure(lambda _: None)
     helm = Helm(built.path("helm"), administrator, _HOME)

@@ -1,4 +1,4 @@
-"""How much is measured, and what a group needs to know to run."""
+"""How much is measured, and what a group needs in order to run."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ class Amounts:
     """How much of everything.
 
     Attributes:
-        form: of the run. A long one is not replaced by a short one; `own` is neither.
-        switches: commanded ones.
-        cuts: of 2 s in both directions.
+        form: form of the run. A long one is not replaced by a short one; `own` is neither.
+        switches: commanded switches.
+        cuts: cuts of 2 s in both directions.
         one_way: cuts of 2 s in each single direction.
-        long_cuts: of 10 s in both directions.
+        long_cuts: cuts of 10 s in both directions.
         resources_s: length of the observation of processor time and memory, seconds.
-        messages: of each of the ten publishers, at 10 Hz.
-        rounds: of activating and deactivating.
+        messages: messages of each of the ten publishers, at 10 Hz.
+        rounds: rounds of activating and deactivating.
         detections: cuts in each case of detection.
         quiet_s: seconds without a cut before them.
         mirror_cuts: cuts with goals that both sides execute.
         state_cuts: cuts with snapshots of each size.
-        hot_switches, hot_cuts: commanded ones and cuts between Hot sides.
-        hot_minutes: of watching for false takeovers.
+        hot_switches, hot_cuts: commanded switches and cuts between Hot sides.
+        hot_minutes: minutes of watching for false takeovers.
     """
 
     form: Form
@@ -100,7 +100,7 @@ class Order:
         seed: of links and of the moments at which something is done.
         domains: ROS domains of robot and cloud; None picks free ones.
         cases: of a group that has several, the ones to run; empty: all.
-        against: commit whose agents are weighed beside; empty: none.
+        against: commit whose agents are measured for comparison; empty: none.
     """
 
     amounts: Amounts
@@ -134,9 +134,9 @@ class Order:
         return Setting(self.folder(name), self.realtime, self.domains, self.seed)
 
     def watching(self, name: str) -> Setting:
-        """Return the same with the observer of the lease."""
+        """Return the same setting with the observer of the lease."""
         return replace(self.setting(name), lease=True)
 
     def serving(self, name: str) -> Setting:
-        """Return the same with a client of actions and services."""
+        """Return the same setting with a client of actions and services."""
         return replace(self.setting(name), goals=True)

@@ -1,4 +1,4 @@
-"""Processor time: of the whole machine, as mpstat shows it, and of single processes."""
+"""Processor time of the whole machine, as mpstat shows it, and of single processes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Reading:
     Attributes:
         t_s: when it was read.
         busy, total: of all cores, ticks.
-        own_s: of the processes asked for, seconds.
+        own_s: of the given processes, seconds.
     """
 
     t_s: float
@@ -35,7 +35,7 @@ class Reading:
 
 
 def read(pids: Iterable[int]) -> Reading:
-    """Return now."""
+    """Return the processor time used until now."""
     fields = [int(word) for word in Path("/proc/stat").read_text().splitlines()[0].split()[1:]][:_COUNTED]
     return Reading(steady_s(), sum(fields) - sum(fields[_IDLE]), sum(fields), sum(_cpu_s(pid) for pid in pids))
 
@@ -46,7 +46,7 @@ def machine_percent(before: Reading, after: Reading) -> float:
 
 
 def own_percent(before: Reading, after: Reading) -> float:
-    """Return of one core, by the processes asked for."""
+    """Return the share of one core that the given processes used, percent."""
     return 100.0 * (after.own_s - before.own_s) / (after.t_s - before.t_s)
 
 

@@ -24,7 +24,7 @@ class Sensor:
     Attributes:
         name: a word; the topic is /bench/NAME.
         payload_bytes: sizes that take turns.
-        max_age_ms: the oldest that is enough there; 0: the cloud may act without it.
+        max_age_ms: the greatest age that suffices there; 0: the cloud may act without it.
         topic_settings: further settings of the topic.
     """
 
@@ -41,25 +41,25 @@ class Sensor:
 
 @dataclass(frozen=True)
 class BenchCase:
-    """One link case: the link, what is run over it, and every setting that is not the product's default.
+    """One link case: the link, what runs over it, and every setting that is not the product's default.
 
     Attributes:
         name: a word, for folders and tables.
         link: the emulated link.
-        tolerance_ms: `switching.latency.tolerance`; it says up to which loop latency the link is good enough.
-        robot_rate_hz: of the node on the robot.
-        cloud_rate_hz: in the cloud.
+        tolerance_ms: `switching.latency.tolerance`, which sets the loop latency up to which the link is good enough.
+        robot_rate_hz: rate of the node on the robot.
+        cloud_rate_hz: rate of the node in the cloud.
         command_bytes: payloads of the output, which take turns.
         sensors: what the cloud needs.
         sensor_rate_hz: their rate.
         switching: further settings of `spec.switching`.
         output: further settings of the output.
-        standby: of the robot's replica.
-        cloud_standby: of the cloud's.
-        serves: the replica has an action and a service.
-        mirrors: its goals go to the standby too.
+        standby: standby of the robot's replica.
+        cloud_standby: standby of the cloud's.
+        serves: whether the replica has an action and a service.
+        mirrors: whether its goals go to the standby too.
         state_bytes: size of the replica's snapshots; 0: it has none.
-        state_rate_hz: how many it makes.
+        state_rate_hz: rate of its snapshots.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What a measurement gives: figures against what is demanded of them, parts of figures, raw samples. Pure."""
+"""The results of a measurement: figures and their limits, parts of figures, raw samples. Pure."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class Figure:
     Attributes:
         name: unique in its group; for scripts.
         title: for people.
-        conditions: of the link and of what else matters.
+        conditions: those of the link and others that matter.
         tolerance_ms: `switching.latency.tolerance` of the case; None without a link case.
-        count: of the samples behind it.
+        count: number of samples behind it.
         value: None when nothing was measured.
         must, aim: limits in `unit`; None when none is demanded.
-        at_least: the limits are lower ones.
-        note: what a reader must know besides.
-        baseline: what the value is compared with, measured in the same run, in `unit`; None without one.
+        at_least: whether the limits are lower ones.
+        note: what else a reader must know.
+        baseline: value for comparison, measured in the same run, in `unit`; None without one.
         against: the baseline in words.
     """
 
@@ -47,7 +47,7 @@ class Figure:
 
     @property
     def ratio(self) -> float | None:
-        """The value in multiples of the baseline; None without one."""
+        """The value as a multiple of the baseline; None without one."""
         if self.value is None or not self.baseline:
             return None
         return self.value / self.baseline
@@ -84,7 +84,7 @@ class Distribution:
 
 @dataclass(frozen=True)
 class GroupResult:
-    """What one group of figures gave with one priority."""
+    """The results of one group of figures with one priority."""
 
     group: str
     priority: Priority
@@ -103,7 +103,7 @@ def part(title: str, unit: str, values: Iterable[float | None]) -> Distribution 
 
 
 def parts(found: Iterable[Distribution | None]) -> tuple[Distribution, ...]:
-    """Return those that are there."""
+    """Return the distributions that are not None."""
     return tuple(one for one in found if one is not None)
 
 

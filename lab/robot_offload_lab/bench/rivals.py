@@ -1,4 +1,4 @@
-"""What a user would pick instead of the agents to notice a lost link: names and figures. Pure."""
+"""What a user would choose instead of the agents to notice a lost link: names and figures. Pure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 @dataclass(frozen=True)
 class Rival:
-    """One way to notice.
+    """One way to notice a lost link.
 
     Attributes:
         name: a word; also its topic.
@@ -24,7 +24,7 @@ class Rival:
 
 
 LIVELINESS: Final = Rival("liveliness", "DDS liveliness, 220 ms lease", 0.200, 0.220)
-"""As the software watchdogs for ROS 2 do it: the middleware itself reports that a publisher has not asserted itself."""
+"""As in the software watchdogs for ROS 2: the middleware reports that a publisher has not asserted its liveliness."""
 BOND: Final = Rival("bond", "bond as in Nav2, 4 s", 0.250, 4.0)
 MESSAGE: Final = Rival("message", "one message, one threshold (thesis)", None, None)
 RIVALS: Final = (LIVELINESS, BOND, MESSAGE)
@@ -32,7 +32,7 @@ RIVALS: Final = (LIVELINESS, BOND, MESSAGE)
 
 @dataclass(frozen=True)
 class RivalReport:
-    """A rival said that the other side is lost, or that it is back, at t_s of the steady clock."""
+    """A rival reported that the other side is lost, or that it is back, at t_s of the steady clock."""
 
     t_s: float
     rival: str

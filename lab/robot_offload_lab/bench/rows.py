@@ -1,7 +1,7 @@
-"""What was measured as lines of a CSV file: in the folder of a run, and as published in docs/benchmarks.csv.
+"""Measurements as lines of a CSV file: in the folder of a run, and as published in docs/benchmarks.csv.
 
-A line is a figure or a distribution with its circumstances. A group that is measured again replaces its own lines of
-the same form and priority only.
+A line is a figure or a distribution with its circumstances. A group that is measured again replaces only its own lines
+of the same form and priority.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class Circumstances:
-    """Under which a group was measured.
+    """The circumstances under which a group was measured.
 
     Attributes:
         form: how much was measured.
         date: of the measurement.
-        commit: of the clone; the version where there is none.
+        commit: commit of the clone, or else the version.
         machine: see `machine.words`.
         load: averages of the machine's load before and after.
     """
@@ -68,7 +68,7 @@ def _cell(value: object) -> str:
 
 
 def merged(old: Iterable[Row], new: Sequence[Row]) -> list[Row]:
-    """Return the old lines, but for those of groups that were measured anew in this form and priority, and the new."""
+    """Return the new lines, and the old ones except those of groups measured again in the same form and priority."""
     replaced = {_key(row) for row in new}
     return [*(row for row in old if _key(row) not in replaced), *new]
 
@@ -98,7 +98,7 @@ def read(path: Path) -> list[Row]:
 
 
 def write(path: Path, found: Iterable[Row]) -> None:
-    """Write the lines, whole or not at all."""
+    """Write the lines atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part")
     with part.open("w", newline="", encoding="utf-8") as file:

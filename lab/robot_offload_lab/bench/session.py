@@ -1,7 +1,7 @@
-"""Runs groups of figures one after the other, and keeps what each gave as soon as it is there.
+"""Runs groups of figures one after the other, and keeps the results of each as soon as they exist.
 
-A group that fails or times out is reported; the others keep their results. What was measured stays in the folder,
-so that an interrupted run can go on.
+A group that fails or times out is reported; the others keep their results. Results stay in the folder, so that an
+interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from robot_offload_lab.wire.loop import steady_s
 WIDTH: Final = 160
 PRIORITY: Final = 1
 LIMITS_S: Final[dict[Form, int]] = {"short": 300, "long": 8 * 3600, "own": 8 * 3600}
-"""A group that takes longer has stopped: no wait within it is without an end of its own."""
+"""A group that takes longer hangs: every wait within it has a limit of its own."""
 PAGE: Final = "benchmarks.md"
 
 
@@ -79,7 +79,7 @@ WORK: Final[dict[Group, Callable[[Order], GroupResult]]] = {
 
 
 class TooLongError(RobotOffloadError):
-    """A group has not ended in time."""
+    """A group did not end in time."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class BenchSession:
         Raises:
             InputError: the folder, or the one of the docs, has other files of these names.
         """
-        # Hundreds of processes are started: the second of a kind shall find compiled what the first has compiled.
+        # Hundreds of processes are started: the second of a kind is to reuse what the first has compiled.
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         for folder in filter(None, (self.folder, self.docs)):  # refused before hours are spent
             rows.read(folder / FILE)
@@ -127,10 +127,10 @@ class BenchSession:
         return failed
 
     def known(self) -> list[Row]:
-        """Return what the folder has.
+        """Return the results in the folder.
 
         Raises:
-            InputError: it has other files of these names.
+            InputError: the folder has other files of these names.
         """
         return rows.read(self.folder / FILE)
 
@@ -150,7 +150,7 @@ class BenchSession:
             self._print(f"Page: {page}")
 
     def _measure(self, title: str, group: Group, order: Order) -> str:
-        """Run one group and keep what came out; return why that was not possible."""
+        """Run one group and keep its results; return why that was not possible."""
         load, began_s = machine.load(), steady_s()
         self._print(f"{title} ...")
         try:
@@ -193,9 +193,9 @@ def _write_samples(path: Path, samples: Sequence[Sample]) -> None:
 
 @contextmanager
 def _punctual() -> Iterator[None]:
-    """Give this process real-time priority, below everything measured: it says when the link was cut.
+    """Give this process real-time priority, below everything measured: it records when the link was cut.
 
-    What it starts begins as a normal process, and gets a priority of its own where it shall have one.
+    Processes that it starts begin as normal ones; those that need a priority get their own.
     """
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
@@ -208,7 +208,7 @@ def _punctual() -> Iterator[None]:
 
 @contextmanager
 def _limited(seconds: int) -> Iterator[None]:
-    """End what takes longer, by an exception in it."""
+    """End a block that takes longer by raising an exception in it."""
 
     def ring(_number: int, _frame: FrameType | None) -> None:
         raise TooLongError(f"not ended within {seconds} s; look into the logs under runs/, then run it again")

@@ -1,7 +1,7 @@
 """Programs of the bench without the product's agents around them: what the product is compared with, or built on.
 
-A `World` runs both sides of a case; a `Stage` runs bare ROS 2 programs, on this host or on the two hosts that are
-joined by the emulated link. What they print, a JSON object a line, is kept by name.
+A `World` runs both sides of a case; a `Stage` runs bare ROS 2 programs, on this host or on the two hosts joined by the
+emulated link. What they print, one JSON object per line, is kept by name.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot_offload_lab.wire.two_hosts import TwoHosts
 
 START_PATIENCE_S: Final = 100.0
 PRIORITY: Final = 4
-"""SCHED_FIFO of everything on a stage, where it is asked for and permitted."""
+"""SCHED_FIFO priority of everything on a stage, where requested and permitted."""
 RMW: Final = "rmw_fastrtps_cpp"
 _OURS: Final = ("ROS_", "FASTDDS_", "FASTRTPS_", "CYCLONEDDS_", "RMW_")
 Said = dict[str, Any]
@@ -41,7 +41,7 @@ class Stage:
 
         Args:
             folder: for the logs; made anew.
-            realtime: everything runs under SCHED_FIFO where permitted.
+            realtime: whether everything runs under SCHED_FIFO where permitted.
             domain: ROS domain; None picks a free one.
             hosts: where programs with a host run; without it there is this host only.
         """
@@ -75,7 +75,7 @@ class Stage:
         """Start `python -m MODULE ARGUMENTS`.
 
         Args:
-            name: for logs, and for what it says.
+            name: for logs, and for its output.
             module: the program.
             arguments: its own.
             host: `robot` or `cloud` of the two hosts; empty: this host.
@@ -83,7 +83,7 @@ class Stage:
         """
         enter = self._hosts.enter(host) if self._hosts is not None and host else ()
         command = (*enter, sys.executable, "-m", module, *map(str, arguments))
-        # On one machine, shared memory would lead past the link.
+        # On one machine, shared memory would bypass the link.
         apart = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"} if enter else {}
         environment = {**self._environment(), **apart, **(extra or {})}
         priority = PRIORITY if self._realtime else 0
@@ -103,7 +103,7 @@ class Stage:
         }
 
     def ask(self, name: str, command: Mapping[str, object], what: str, patience_s: float = START_PATIENCE_S) -> Said:
-        """Write a line and return the next that the program prints.
+        """Write a line and return the next line that the program prints.
 
         Raises:
             StartError: no answer came, or a program ended.
@@ -126,11 +126,11 @@ class Stage:
         self.programs.rest(seconds)
 
     def follow(self) -> None:
-        """Take in what has been printed, without waiting."""
+        """Read what has been printed, without waiting."""
         self.programs.look(0.0)
 
     def end(self, name: str, grace_s: float = 5.0) -> None:
-        """End one program by the end of its standard input, by SIGKILL if that does not help."""
+        """End one program by closing its standard input, or by SIGKILL if that does not help."""
         self.programs.finish(name, None, grace_s)
 
     def _take(self, name: str, line: str) -> None:

@@ -52,7 +52,7 @@ _COUNTED: Final = ("messages", "alarms")
 
 
 def number(value: str, unit: str) -> str:
-    """Return a value with as many digits as it deserves."""
+    """Return a value with a suitable number of digits."""
     if not value:
         return "not measured"
     amount = float(value)
@@ -71,7 +71,7 @@ def limit(row: Row, name: Literal["must", "aim"]) -> str:
 
 
 def beside(row: Row) -> str:
-    """Return what was measured beside it in the same run; empty without."""
+    """Return the baseline measured in the same run; empty without one."""
     return f"{row['against']}: {number(row['baseline'], row['unit'])}" if row["baseline"] else ""
 
 
@@ -106,14 +106,14 @@ def page(found: Iterable[Row]) -> str:
 
 
 def with_table(text: str, found: Iterable[Row]) -> str:
-    """Return a page with the table between its two lines, or at its end where the page lacks the lines."""
+    """Return a page with the table between its two marker lines, or at its end if it lacks them."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     return f"{before if begin and end else text}{BEGIN}\n{page(found)}\n{END}{after}"
 
 
 def _newest(known: dict[tuple[str, str, str, str], Row], group: str, name: str) -> Row | None:
-    """Return a figure of the long form if there is one, with real-time priority if there is one."""
+    """Return a figure, of the long form if possible, with real-time priority if possible."""
     keys = [(group, name, form, priority) for priority in PRIORITY_WORDS for form in ("long", "short", "own")]
     return next((known[key] for key in keys if key in known), None)
 

@@ -1,7 +1,7 @@
 """One measured system: both sides of a case on this machine, the emulated link, and the observers around them.
 
-The product's own pieces for running on one machine are used as they are (`run`): processes, wire, certificates,
-recorder. What is added are observers, and the control of the link by hand.
+The product's own parts for running on one machine (`run`) are used unchanged: processes, wire, certificates, recorder.
+Added are observers, and control of the link by hand.
 """
 
 from __future__ import annotations
@@ -61,16 +61,16 @@ class Setting:
     """How a world is run.
 
     Attributes:
-        folder: for everything that stays; made anew.
-        realtime: agents and the user's nodes run under SCHED_FIFO. Wire and observers always do, where permitted.
+        folder: for everything that is kept; made anew.
+        realtime: whether agents and the user's nodes run under SCHED_FIFO. Wire and observers always do if permitted.
         domains: ROS domains of robot and cloud; None picks free ones.
-        seed: of the link's chances.
-        lease: with the observer of the lease.
-        hops: with datagrams of our own through the wire.
-        goals: with a client of actions and services, and servers that it reaches directly.
-        offload: the resource, where it is not the case's own.
+        seed: seed of the link's random draws.
+        lease: whether the observer of the lease runs.
+        hops: whether datagrams of our own go through the wire.
+        goals: whether there are a client of actions and services, and servers that it reaches directly.
+        offload: the resource, if it is not the case's own.
         agents: tree of the repository whose agents run; None: this one's.
-        beats: the witnesses listen to the beats, which costs the agents their publishing.
+        beats: whether the witnesses listen to the heartbeats, which makes the agents spend time on publishing them.
     """
 
     folder: Path
@@ -87,15 +87,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything that the observers have written of one world.
+    """Everything that the observers of one world have written.
 
     Attributes:
-        recording: of the consumer on the robot.
-        inputs: of the consumer in the cloud, None without one.
-        robot, cloud: of the witnesses in the two domains.
-        lease: of the observer of the lease.
-        hops: of the datagrams of our own.
-        goals: of the client of actions and services.
+        recording: from the consumer on the robot.
+        inputs: from the consumer in the cloud, None without one.
+        robot, cloud: from the witnesses in the two domains.
+        lease: from the observer of the lease.
+        hops: from the datagrams of our own.
+        goals: from the client of actions and services.
     """
 
     recording: Recording
@@ -108,7 +108,7 @@ class Evidence:
 
 
 class MeasuredSystem:
-    """A context manager: entering it returns with the cloud in charge and the recording begun."""
+    """A context manager: after entering it the cloud is in charge and the recording has begun."""
 
     def __init__(self, case: BenchCase, setting: Setting) -> None:
         self.case = case
@@ -152,18 +152,18 @@ class MeasuredSystem:
         self.programs.rest(seconds)
 
     def ask(self, site: str) -> None:
-        """Ask for a switch by hand, again until it is accepted, then wait until it has taken place."""
+        """Ask for a switch by hand until it is accepted, then wait until it has taken place."""
         self.until(lambda: self._accepted(site), f"the switch to the {site} by hand is accepted")
         self.until(lambda: self.site == site, f"the {site} is in charge")
 
     def have(self, count: int, command: dict[str, object], what: str) -> None:
-        """Have the client of actions and services do something, and wait for `count` more answers of it."""
+        """Have the client of actions and services do something, and wait for `count` more answers from it."""
         known = len(self.answers)
         self.programs.command(GOAL_CLIENT, command)
         self.until(lambda: len(self.answers) >= known + count, what)
 
     def cut(self, direction: Direction | None) -> tuple[float, float]:
-        """Cut the link, or with None mends it; return the moments just before and just after it was done."""
+        """Cut the link, or with None restore it; return the moments just before and just after that."""
         before_s = steady_s()
         self.wire.cut(direction)
         return before_s, steady_s()
@@ -174,7 +174,7 @@ class MeasuredSystem:
         return (self.programs.pids[f"{side}-agent"], *(int(path.read_text()) for path in children))
 
     def finish(self) -> Evidence:
-        """End the recording, then everything else; return what was written."""
+        """End the recording, then everything else; return what the observers wrote."""
         for name in (RECORDER, INPUT_RECORDER):
             if name in self.programs:
                 self.programs.finish(name, {"end": steady_s()}, GRACE_S)
@@ -241,7 +241,7 @@ class MeasuredSystem:
         """Do what the link needs before anything is started."""
 
     def _placed(self, program: Program) -> Program:
-        """Return a program as it is started on its side."""
+        """Return a program in the form in which it is started on its side."""
         return program
 
     def _wire_config(self) -> WireConfig:
@@ -259,12 +259,12 @@ class MeasuredSystem:
         child = self.programs.start(self._placed(program))
         priority = self._priority(program)
         if priority:
-            # Threads inherit it; the program has none yet. Where it is not permitted it goes on without.
+            # Threads inherit it; the program has none yet. If not permitted, the program runs without it.
             with suppress(PermissionError, ProcessLookupError):
                 os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(priority))
 
     def _priority(self, program: Program) -> int:
-        """Do nothing: agents ask for their priority themselves."""
+        """Return the priority of a program; agents ask for theirs themselves."""
         if program.name.endswith("-agent"):
             return 0
         if program.folder == self.system.source and program.name.startswith(("robot-", "cloud-")):

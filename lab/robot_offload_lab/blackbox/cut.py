@@ -1,4 +1,4 @@
-"""Cuts a part out of a black box that is replayed as it is: it begins with the key frames before its first step."""
+"""Cuts out a part of a black box that can be replayed alone: it begins with the key frames before its first step."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def cut(lines: Iterable[str], from_wall_s: float, to_wall_s: float) -> Iterator[
 
 
 class _Before:
-    """What stands before the cut: nothing older than the newest key frames of all machines."""
+    """Lines to keep before the cut: nothing older than the newest key frames of all machines."""
 
     def __init__(self) -> None:
         self.header = ""  # of the file in which `kept` begins

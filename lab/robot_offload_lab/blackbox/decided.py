@@ -1,4 +1,4 @@
-"""What the replay of a black box comes to."""
+"""The outcome of a replay of a black box."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ RULE_BROKEN = "RuleBroken"
 
 @dataclass(frozen=True)
 class DecidedMoment:
-    """A decision of a replay, a rule that a step broke, or a difference from what was written.
+    """A decision of a replay, a rule that a step broke, or a difference from the recorded decision.
 
     Attributes:
         wall_s: system time of the robot, seconds.
-        machine: which one decided.
-        event: the name of what it had taken in.
-        name, decision: what it decided, as plain values; `RULE_BROKEN` and the rule.
+        machine: which machine decided.
+        event: the name of the event that it had taken in.
+        name, decision: what it decided, as plain values; for a broken rule `RULE_BROKEN` and the rule.
         changed: field of the state -> (before, after).
-        differs: what was written instead, None when it is the same.
+        differs: what was recorded instead, None when it is the same.
     """
 
     wall_s: float
@@ -52,7 +52,7 @@ class Totals:
 
 
 def moments(lines: Iterable[str], totals: Totals) -> Iterator[DecidedMoment]:
-    """Replay lines and give out what was decided; add to `totals` on the way."""
+    """Replay lines and yield what was decided; add to `totals` on the way."""
     to_wall_s, ours = 0.0, ring.digest_of_core()
     for found in blackbox.replay(lines):
         if isinstance(found, Header):
@@ -102,7 +102,7 @@ def _kind(decision: Any) -> str:
 
 
 def said(decision: Any) -> str:
-    """Return a decision in words: its own reason and message, else its fields; a broken rule is said as it is."""
+    """Return a decision in words: its reason and message, else its fields; a broken rule is returned unchanged."""
     if isinstance(decision, str):
         return decision
     verdict = getattr(decision, "verdict", decision)

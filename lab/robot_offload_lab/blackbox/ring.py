@@ -18,7 +18,7 @@ def lines(place: Path) -> list[str]:
     """Return the lines of a file, or of all files of a folder, the oldest first.
 
     Raises:
-        InputError: there is no black box.
+        InputError: `place` has no black box.
     """
     files = sorted(place.glob(PATTERN)) if place.is_dir() else [place]
     try:
@@ -39,7 +39,7 @@ def digest_of_core() -> str:
 
 
 def clock(wall_s: float) -> str:
-    """Return the time of day of this machine's time zone, with milliseconds."""
+    """Return the time of day in this machine's time zone, with milliseconds."""
     return f"{time.strftime('%H:%M:%S', time.localtime(wall_s))}.{int(wall_s % 1 * 1000):03d}"
 
 
@@ -47,7 +47,7 @@ def moment(text: str, near_wall_s: float) -> float:
     """Return the system time, seconds, of a time of day on the day of `near_wall_s`, or the day before.
 
     Raises:
-        InputError: `text` is no time of day.
+        InputError: `text` is not a time of day.
     """
     try:
         hours, minutes, seconds = text.split(":")
@@ -61,7 +61,7 @@ def moment(text: str, near_wall_s: float) -> float:
 
 
 def offset_s(header: Header, before_s: float) -> float:
-    """Return what is added to the steady clock for the system clock, from a file's first line."""
+    """Return the seconds to add to the steady clock to get the system clock, from a file's first line."""
     value = header.facts.get("to_wall_s", before_s)
     return float(value) if isinstance(value, int | float) else before_s
 

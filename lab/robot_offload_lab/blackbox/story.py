@@ -1,8 +1,8 @@
-"""Makes a test of a part of a black box, and what such a test asks: a pytest module, and the box beside the module.
+"""Turns a part of a black box into a test: a pytest module with the box beside it. Also what such a test checks.
 
-A test of this kind replays what one process took in. Behind the first decision that a mended core makes otherwise the
-events are those of another world, so the test asks for one thing: that no rule is broken, that one wrong decision is
-not made again, or that all decisions are the expected ones.
+A test of this kind replays what one process took in. After the first decision that a fixed core makes differently the
+recorded events no longer fit, so the test checks one thing only: that no rule is broken, that one wrong decision is not
+repeated, or that all decisions are the expected ones.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ UNREADABLE = "the core's classes have changed: this core cannot read the box, so
 
 
 class Asks(enum.Enum):
-    """What a test asks of the core: (what its docstring says, its assertion)."""
+    """What a test checks: (text of its docstring, its assertion)."""
 
     NO_BROKEN_RULE = (
         """{steps} steps of {machines}. A step broke a rule of its machine: {what}.
@@ -74,9 +74,9 @@ def made(name: str, title: str, lines: Sequence[str], wrong_at: str = "") -> Sto
 
     Args:
         name: of the test, an identifier.
-        title: what the part is.
+        title: description of the part.
         lines: of the box.
-        wrong_at: time of day of a decision that was wrong (HH:MM:SS.mmm, as the replay shows it), "" for none.
+        wrong_at: time of day of a wrong decision (HH:MM:SS.mmm, as the replay shows it), "" for none.
 
     Raises:
         LookupError: nothing was decided at `wrong_at`.
@@ -125,7 +125,7 @@ def _not_again(name: str, title: str, lines: Sequence[str], wrong_at: str) -> St
 
 
 def _written(lines: Sequence[str]) -> Iterator[tuple[int, float, list[Did]]]:
-    """Give out what was decided in each step, with the number of lines up to there and the clock's offset."""
+    """Yield what was decided in each step, with the number of lines so far and the clock's offset."""
     group: list[Did] = []
     to_wall_s = 0.0
     for at, line in enumerate([*lines, ""]):

@@ -37,7 +37,7 @@ EXAMPLES = (
 DEFAULT_EXAMPLE = "wheelchair"
 FILE = "robotoffload.yaml"
 COMPARED_S = 120.0
-"""Like LONGEST_S, with --compare: one side alone takes longer."""
+"""LONGEST_S with --compare: a run with only one side takes longer."""
 DEFAULT_DELAY = "5ms"
 DEFAULT_JITTER = "2ms"
 DEFAULT_LOSS = "1%"
@@ -185,7 +185,7 @@ def demo(
         transport=_transport(link),
         domains=parse_domains(domains),
     )
-    # The report stands alone on standard output, when somebody wants to read it with a program.
+    # Standard output carries only the report, so that a program can read it.
     terminal = Terminal(stderr=as_json)
     if console and compare:
         raise InputError("--console, --compare: one of them at a time")
@@ -219,7 +219,7 @@ def _run(options: DemoOptions, console: Console, ui: bool) -> DemoResult:
 
 
 def _compare(results: Mapping[str, DemoResult], out: Path, console: Console) -> None:
-    """Write what the modes have to do with each other, and show the table."""
+    """Write the comparison of the modes and show it as a table."""
     from robot_offload_lab.judge import compare  # noqa: PLC0415 - matplotlib would make every start a second longer
 
     runs = {name: (result.report, recording.read(result.recording)) for name, result in results.items()}
@@ -229,7 +229,7 @@ def _compare(results: Mapping[str, DemoResult], out: Path, console: Console) -> 
 
 
 def _found(spec: Path | None, example: str = "") -> Path:
-    """Return the specification, or else that of an example of the repository that this runs in or comes from.
+    """Return the given specification, or that of an example of the repository that this runs in or comes from.
 
     Raises:
         InputError: both are named, there is no such example, or there is no repository.
@@ -259,7 +259,7 @@ def _duration_s(given: float | None) -> float | None:
 
 
 def _phases(given: Sequence[str] | None, default: str) -> tuple[str, ...]:
-    """Return the phases of an option that can be given more than once; `none` is none."""
+    """Return the phases of an option that can be given more than once; `none` means no phases."""
     wanted = [default] if given is None and default else given or ()
     return tuple(text for text in wanted if text != NONE)
 

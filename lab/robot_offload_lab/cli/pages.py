@@ -1,4 +1,4 @@
-"""`robot-offload demo --console`: the pages beside a running demo, and after it until somebody ends them."""
+"""`robot-offload demo --console`: pages beside a running demo, and after it until the user ends them."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from robot_offload_lab.cluster.preflight import preflight
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit code is 1 when it could not be done."""
+    """Run one command; return 1 when it could not be done."""
     parser = argparse.ArgumentParser(prog="python -m robot_offload_lab.cluster", description=__doc__)
     parser.add_argument(
         "--name", default="default", help="several clusters can exist side by side (default: %(default)s)"
@@ -72,7 +72,7 @@ def _do(chosen: argparse.Namespace) -> int:
 
 
 def _prepare(chosen: argparse.Namespace) -> int:
-    """Return what needs no cluster."""
+    """Run a command that needs no cluster; return the exit code."""
     match chosen.command:
         case "build":
             print(programs.ensure(_say).directory)

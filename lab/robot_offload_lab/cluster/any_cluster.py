@@ -1,4 +1,4 @@
-"""What the stories need of a cluster, whatever it is made of: its API, its nodes, and machines outside it."""
+"""What the stories need of any kind of cluster: its API, its nodes, and machines outside it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class AnyNode(Protocol):
         ...
 
     def power_off(self) -> None:
-        """Cut the power: everything on the node is gone at once, without a word to anybody."""
+        """Cut the power: everything on the node ends at once, without notice."""
         ...
 
     def power_on(self) -> None:
@@ -46,7 +46,7 @@ class AnyNode(Protocol):
         ...
 
     def partition(self) -> None:
-        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network; it runs on."""
         ...
 
     def heal(self) -> None:
@@ -54,11 +54,11 @@ class AnyNode(Protocol):
         ...
 
     def wait_ready(self) -> None:
-        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes considers it ready."""
         ...
 
     def is_ready(self) -> bool:
-        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes considers it ready; a failure is noticed after a while."""
         ...
 
     def has_power(self) -> bool:
@@ -74,18 +74,18 @@ class AnyNode(Protocol):
         ...
 
     def reap(self) -> None:
-        """Wait for what is left of it after everything was killed."""
+        """Wait for its remaining processes after all were killed."""
         ...
 
 
 class AnyCluster:
-    """A cluster that runs.
+    """A running cluster.
 
     Attributes:
-        number: Which of those that can stand side by side.
+        number: Its number among the clusters that can run side by side.
         layout: Its names and addresses.
         plane: Its control plane.
-        nodes: By name; those that run pods.
+        nodes: The nodes that run pods, by name.
         tester: Program to test a network with (`pods/tester`); in pods it is the image `TESTER`.
     """
 
@@ -115,7 +115,7 @@ class AnyCluster:
 
     @property
     def kubeconfig(self) -> Path:
-        """For an administrator; the cluster's address can be reached from this machine."""
+        """The administrator's file; the cluster's address can be reached from this machine."""
         return self.plane.kubeconfig
 
     def kubectl(self, namespace: str = "default") -> Kubectl:
@@ -127,7 +127,7 @@ class AnyCluster:
         return self.plane.helm(namespace)
 
     def down(self) -> Leftovers:
-        """End it and remove all of it; images that are kept stay for the next cluster of this number.
+        """End it and remove everything but the kept images, which stay for the next cluster of this number.
 
         Returns:
             What is left: nothing.
@@ -147,12 +147,12 @@ class AnyCluster:
     def import_images(self, *archives: Path) -> None:
         """Import OCI archives into every node, unless it has them already."""
         paths = [each.resolve() for each in archives]
-        # A thread per node: unpacking keeps one core busy. Nothing that is to stay is started in them.
+        # A thread per node: unpacking keeps one core busy. The threads start nothing that must outlive them.
         with ThreadPoolExecutor() as pool:
             list(pool.map(lambda node: node.import_images(paths), self.nodes.values()))
 
     def robot(self, name: str, *, realtime: bool = True) -> RobotHost:
-        """Return a machine outside, behind a wire and NAT: it reaches load balancer addresses, nobody reaches it.
+        """Return a machine outside, behind a wire and NAT: it reaches load balancer addresses, but cannot be reached.
 
         Args:
             name: Up to 20 of a-z, 0-9 and -.
@@ -171,7 +171,7 @@ class AnyCluster:
 
     @contextmanager
     def without_api(self) -> Iterator[None]:
-        """Take the API server down for the block; all that runs runs on."""
+        """Take the API server down for the block; everything else keeps running."""
         self.plane.stop_api()
         try:
             yield
@@ -179,10 +179,10 @@ class AnyCluster:
             self.plane.start_api()
 
     def enforce_policies(self, enforce: bool) -> None:
-        """Enforce NetworkPolicies, as is done from the start, or let everything pass; returns when it is so.
+        """Enforce NetworkPolicies, as from the start, or let everything pass; return when that is in effect.
 
         Raises:
-            NotHereError: This cluster cannot do otherwise than it does.
+            NotHereError: This cluster cannot change that.
         """
         if enforce:
             self.layout.unenforced.unlink(missing_ok=True)
@@ -196,7 +196,7 @@ class AnyCluster:
 
     def _attend(self) -> None:
         program = [sys.executable, "-m", "robot_offload_lab.cluster.attendant", f"--marker={self.layout.marker}"]
-        # From anywhere, whatever the caller's working directory is.
+        # Independent of the caller's working directory.
         command = ["env", f"PYTHONPATH={ROOT}", *program]
         log = self.layout.home / "attendant.log"
         self._attendant = processes.spawn(command, log, die_with_us=self._die_with_us, favoured=True)

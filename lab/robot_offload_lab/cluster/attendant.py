@@ -27,12 +27,12 @@ WATCHED = {
     "pods": "/api/v1/pods",
     "namespaces": "/api/v1/namespaces",
 }
-_PAUSE = 0.05  # seconds; changes come in swarms
-_LOOK = 0.5  # seconds between two looks at nodes that came back and at the switch
+_PAUSE = 0.05  # seconds; changes come in bursts
+_LOOK = 0.5  # seconds between two checks for returned nodes and of the switch
 
 
 class Attendant:
-    """Looks at the cluster after each change and does what is to be done."""
+    """Checks the cluster after each change and does what is needed."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -76,7 +76,7 @@ class Attendant:
             self._routes = wanted
 
     def _enforce(self) -> None:
-        """Load each node's rules when they changed, or when the node has come back without any."""
+        """Load each node's rules when they have changed, or when the node has come back without any."""
         seen = self._seen("nodes", "policies", "pods", "namespaces")
         if seen is None:
             return

@@ -1,4 +1,4 @@
-"""A cluster with nodes on the command line: what `python -m robot_offload_lab.cluster` does with one."""
+"""Clusters with nodes on the command line: the commands of `python -m robot_offload_lab.cluster`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def find(home: Path, say: programs.Say) -> Cluster | None:
 
 
 def needed(home: Path, say: programs.Say) -> Cluster:
-    """Return the same, where it must be there."""
+    """Return the cluster that was started under a name; it must exist."""
     cluster = find(home, say)
     if cluster is None:
         raise ClusterError(
@@ -35,7 +35,7 @@ def needed(home: Path, say: programs.Say) -> Cluster:
 
 
 def up(home: Path, nodes: int, number: int | None, say: programs.Say) -> Cluster:
-    """Start one that runs until `down`."""
+    """Start a cluster that runs until `down`."""
     if (there := ownership.by_hand(home)) is not None:
         raise ClusterError(
             f"It is running already, as cluster {there.number}. Next: python -m robot_offload_lab.cluster down"
@@ -44,7 +44,7 @@ def up(home: Path, nodes: int, number: int | None, say: programs.Say) -> Cluster
 
 
 def down(home: Path, say: programs.Say) -> bool:
-    """End the one of this name, also after a crash, and sweep what killed runs have left; whether there was one."""
+    """End the cluster of this name, also after a crash, and remove leftovers; return whether there was one."""
     layout = ownership.by_hand(home)
     if layout is not None:
         ownership.remove(layout)
@@ -76,7 +76,7 @@ def node(cluster: Cluster, name: str, what: str) -> None:
 
 
 def robot(cluster: Cluster, name: str, what: str, rest: Sequence[str]) -> str:
-    """Make, steer, use or remove a machine outside the cluster; what there is to print."""
+    """Make, steer, use or remove a machine outside the cluster; return the text to print."""
     if what in ("add", "neighbour"):
         host = (cluster.robot if what == "add" else cluster.neighbour)(name)
         return f"{name} has the address {host.address}"
@@ -113,7 +113,7 @@ def link(words: Sequence[str]) -> dict[str, Any]:
 
 
 def clean() -> list[Path]:
-    """Forget the images that stay between clusters, of all that do not run; where they were."""
+    """Remove the kept images of all clusters that do not run; return where they were."""
     running = {layout.number for layout in ownership.known()}
     kept = [Layout(number).kept for number in NUMBERS if number not in running]
     there = [path for path in kept if path.exists()]
@@ -123,12 +123,12 @@ def clean() -> list[Path]:
 
 
 def environment() -> Mapping[str, str]:
-    """Return ours, for a program that talks to a cluster."""
+    """Return our environment for a program that talks to a cluster."""
     return processes.without_proxies(os.environ)
 
 
 def _become(netns: str, command: Sequence[str]) -> NoReturn:
-    """Turn into a program on a robot."""
+    """Replace this process by a program on a robot."""
     if not command:
         raise ClusterError("What is to run there? For example: robot NAME run ip address")
     words = [*into(netns), *command]

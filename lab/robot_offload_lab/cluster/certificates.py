@@ -1,4 +1,4 @@
-"""The certificates of a cluster: one authority, P-256 keys, good for a month."""
+"""The certificates of a cluster: one authority, P-256 keys, valid for a month."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Authority:
         (directory / "ca.crt").write_bytes(_pem(own.sign(self._key, hashes.SHA256())))
 
     def client(self, name: str, user: str, groups: Sequence[str] = ()) -> None:
-        """Issue a certificate with which a client of the API server is this user."""
+        """Issue a certificate that identifies a client of the API server as this user."""
         self._issue(name, _name(user, groups), x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]))
 
     def server(self, name: str, addresses: Sequence[str], names: Sequence[str] = ()) -> None:

@@ -1,4 +1,4 @@
-"""The control groups of a node's pods: made before the kubelet needs them, gone with the node."""
+"""The control groups of a node's pods: made before the kubelet needs them, removed with the node."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
-# A node is a machine: at the same weight as each single session here, all its pods would starve under other work.
+# A node is a whole machine: at the weight of a single session here, all its pods would starve beside other work.
 _WEIGHTS = {"cpu.shares": "16384", "cpu.weight": "1600"}  # 16 times what a session gets
 NEEDED = {"cpu", "cpuset", "memory", "pids"}
 
@@ -23,7 +23,7 @@ def _hierarchies() -> list[Path]:
 
 
 def missing() -> set[str]:
-    """Return controllers that a kubelet needs and this machine does not have."""
+    """Return the controllers that a kubelet needs and this machine lacks."""
     if unified():
         return NEEDED - set((ROOT / "cgroup.controllers").read_text().split())
     return {name for name in NEEDED if not (ROOT / name / "tasks").exists()} if ROOT.is_dir() else NEEDED
@@ -40,23 +40,23 @@ def make(name: str) -> None:
         for setting, value in _WEIGHTS.items():
             if (group / setting).exists():
                 (group / setting).write_text(value)
-        # Until these are set nothing can join the group; later kernels inherit them.
+        # Until these are set no process can join the group; later kernels inherit them.
         for setting in ("cpuset.cpus", "cpuset.mems"):
             if (group / setting).exists() and not (group / setting).read_text().strip():
                 (group / setting).write_text((hierarchy / setting).read_text())
 
 
 def left(prefix: str) -> list[Path]:
-    """Return groups whose name begins like this."""
+    """Return the groups whose name has this prefix."""
     return [group for hierarchy in _hierarchies() for group in hierarchy.glob(f"{prefix}*") if group.is_dir()]
 
 
 def remove(prefix: str, patience: float = 60.0) -> None:
-    """Remove the groups whose name begins like this; their processes are gone or about to go.
+    """Remove the groups whose name has this prefix; their processes have ended or are about to.
 
     Args:
         prefix: Of their names.
-        patience: Seconds until what is left is left.
+        patience: Seconds after which it gives up.
     """
     deadline = time.monotonic() + patience
     while (groups := left(prefix)) and time.monotonic() < deadline:
@@ -65,6 +65,6 @@ def remove(prefix: str, patience: float = 60.0) -> None:
             for each in (*inner, group):
                 try:
                     each.rmdir()
-                except OSError:  # a process in it has not quite ended
+                except OSError:  # a process in it has not ended yet
                     break
         time.sleep(0.02)

@@ -1,4 +1,4 @@
-"""Which kind of cluster the stories play on: one of kind where Docker answers, otherwise one of our own."""
+"""Which kind of cluster the stories run on: one of kind if Docker answers, otherwise one of our own."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Choice:
     """A kind of cluster.
 
     Attributes:
-        kind: It is one of kind, not one of our own.
-        why: It was chosen.
+        kind: Whether it is one of kind, not one of our own.
+        why: Why it was chosen.
         missing: Why it cannot run here, and the next step; None when it can.
     """
 
@@ -49,7 +49,7 @@ class Choice:
 
 
 def choose() -> Choice:
-    """Return what the environment asks for, or what this machine can do.
+    """Return the kind that the environment asks for, or one that this machine can run.
 
     Raises:
         ClusterError: The environment asks for something else.

@@ -52,7 +52,7 @@ class Cluster(AnyCluster):
             nodes: How many.
             number: 0 to 9: picks all names and addresses; the lowest free one when left out.
             fast_failure: A dead node is noticed after 9 s and its pods are moved 3 s later, not after 50 s and 5 min.
-            by_hand: Directory by which the command line knows it; then it runs until `down`. When left out no process
+            by_hand: Directory by which the command line finds it; then it runs until `down`. When left out, no process
                 outlives the thread that calls this: use the main thread.
             say: Receives one line of progress at a time.
 

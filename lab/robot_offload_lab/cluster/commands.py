@@ -1,4 +1,4 @@
-"""kubectl and helm bound to one cluster and one namespace; nothing of the caller's own configuration reaches them."""
+"""kubectl and helm bound to one cluster and one namespace; the caller's own configuration does not reach them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Command:
     program: Path
     kubeconfig: Path
     namespace: str
-    """Where it acts; empty leaves that to the objects, which may then be of several namespaces."""
+    """Where it acts; empty: as the objects state, which may then be of several namespaces."""
 
     limit: float = 120.0
     """Seconds after which a command counts as hung."""
@@ -39,7 +39,7 @@ class Command:
         return done.stdout
 
     def refuses(self, *arguments: str, stdin: str | None = None) -> str:
-        """Run it, expects it to fail, and return its error output."""
+        """Run it, expect it to fail, and return its error output."""
         done = self._run(arguments, stdin)
         if not done.returncode:
             raise CommandError(f"{self.program.name} {' '.join(arguments)} should fail, but it printed: {done.stdout}")
@@ -51,7 +51,7 @@ class Command:
         return subprocess.run(
             [str(self.program), "--kubeconfig", str(self.kubeconfig), *place, *arguments],
             input=stdin if stdin is not None else "",
-            env={"PATH": os.environ["PATH"], "HOME": home},  # no KUBECONFIG, no HELM_*: only ever our own cluster
+            env={"PATH": os.environ["PATH"], "HOME": home},  # no KUBECONFIG, no HELM_*: never another cluster
             capture_output=True,
             text=True,
             timeout=self.limit,
@@ -64,7 +64,7 @@ class Kubectl(Command):
     """kubectl."""
 
     def within(self, namespace: str) -> Kubectl:
-        """Return the same for another namespace."""
+        """Return this kubectl for another namespace."""
         return replace(self, namespace=namespace)
 
     def json(self, *arguments: str) -> Any:
@@ -76,7 +76,7 @@ class Kubectl(Command):
         return self("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def apply_refused(self, *manifests: Manifest, options: tuple[str, ...] = ("--server-side",)) -> str:
-        """Apply objects, expects the API server to refuse them, and return why."""
+        """Apply objects, expect the API server to refuse them, and return why."""
         return self.refuses("apply", *options, "-f", "-", stdin=documents(*manifests))
 
     def names(self, kinds: str, *arguments: str) -> list[str]:
@@ -92,6 +92,6 @@ class Helm(Command):
 def documents(*manifests: Manifest) -> str:
     """Return objects in the form that `kubectl apply -f -` reads.
 
-    Not as one `List`: kubectl would leave the server's validation out and only do its own.
+    Not as one `List`: kubectl would skip the server's validation and only do its own.
     """
     return "\n---\n".join(json.dumps(dict(each)) for each in manifests)

@@ -47,17 +47,17 @@ PATIENCE = 120.0  # seconds; a start takes five, but the machine may be busy wit
 
 
 class ControlPlane:
-    """One control plane and the directory that holds all it needs.
+    """One control plane and the directory that holds its files.
 
     Attributes:
-        directory: Everything of this control plane; removed by `stop`.
-        url: Of the API server.
+        directory: All files of this control plane; removed by `stop`.
+        url: URL of the API server.
         token: Bearer token of a cluster administrator.
         kubeconfig: File for that administrator.
-        ca_file: Certificate that clients verify the API server with.
+        ca_file: Certificate with which clients verify the API server.
         host: Address on which the API server listens.
-        within: Command that runs another one where the servers belong; empty for right here.
-        favoured: The servers go before what else runs on a busy machine.
+        within: Command prefix that runs the servers where they belong; empty: here.
+        favoured: Whether the servers take precedence over other programs on a busy machine.
     """
 
     host = "127.0.0.1"
@@ -75,11 +75,11 @@ class ControlPlane:
 
     @classmethod
     def of_directory(cls, directory: Path, programs: Programs) -> ControlPlane:
-        """Return the control plane that another process started there."""
+        """Return the control plane that another process started in a directory."""
         return cls(directory, programs).attached()
 
     def attached(self) -> Self:
-        """Return this one, with what is needed to talk to it, which the process that started it has written down."""
+        """Return this one after reading how to talk to it, as written by the process that started it."""
         try:
             config = json.loads(self.kubeconfig.read_text())
         except FileNotFoundError:
@@ -91,13 +91,13 @@ class ControlPlane:
         return self
 
     def start(self, definitions: Sequence[Path] = (), *, die_with_us: bool = True) -> Self:
-        """Start everything and return when a Deployment would be served.
+        """Start everything and return when a Deployment could be served.
 
         Args:
             definitions: CustomResourceDefinition files. They are applied before kube-controller-manager starts: its
-                garbage collector looks for new kinds only now and then, and children of a kind that came later would
-                be collected 40 s late the first time.
-            die_with_us: Nothing outlives the thread that calls this; otherwise it runs until `stop`.
+                garbage collector looks for new kinds only now and then, and children of a later kind would be collected
+                40 s late the first time.
+            die_with_us: No process outlives the thread that calls this; otherwise they run until `stop`.
         """
         try:
             self._start_api(die_with_us=die_with_us)
@@ -119,7 +119,7 @@ class ControlPlane:
             self.stop()
 
     def stop(self) -> None:
-        """End every process of this directory, whoever started it, and remove the directory."""
+        """End every process of this directory, whatever started it, and remove the directory."""
         self._kill()
         shutil.rmtree(self.directory, ignore_errors=True)
 
@@ -148,7 +148,7 @@ class ControlPlane:
         labels = {"pod-security.kubernetes.io/enforce": pod_security} if pod_security else {}
         metadata = {"name": name, "labels": labels}
         self.request("POST", "/api/v1/namespaces", {"apiVersion": "v1", "kind": "Namespace", "metadata": metadata})
-        # Controllers put these there a moment later; a Pod is refused until its ServiceAccount exists.
+        # Controllers make these a moment later; a Pod is refused until its ServiceAccount exists.
         for each in ("serviceaccounts/default", "configmaps/kube-root-ca.crt"):
             self._wait(each, partial(self._exists, f"/api/v1/namespaces/{name}/{each}"))
         return name
@@ -160,14 +160,14 @@ class ControlPlane:
         self._wait(f"{plural} to be served", partial(self._exists, f"/apis/{spec['group']}/{version}/{plural}"))
 
     def audit(self) -> Iterator[dict[str, Any]]:
-        """Yield what the API server was asked, oldest first: audit.k8s.io/v1 events with metadata only."""
+        """Yield the API server's requests, oldest first: audit.k8s.io/v1 events with metadata only."""
         with (self.directory / "audit.jsonl").open() as lines:
             for line in lines:
-                if line.endswith("\n"):  # the last one may still be in the making
+                if line.endswith("\n"):  # the last one may be incomplete
                     yield json.loads(line)
 
     def get(self, path: str) -> str:
-        """Return get a path of the API server as the administrator."""
+        """Get a path of the API server as the administrator; return the answer."""
         return self.request("GET", path)
 
     def request(self, verb: str, path: str, body: Any = None, content_type: str = "application/json") -> str:
@@ -182,7 +182,7 @@ class ControlPlane:
             return str(answer.read().decode())
 
     def opener(self) -> urllib.request.OpenerDirector:
-        """Open requests to this API server and to nobody in between."""
+        """Return an opener of requests to this API server, without a proxy."""
         trust = ssl.create_default_context(cafile=str(self.ca_file))
         direct = urllib.request.ProxyHandler({})
         return urllib.request.build_opener(direct, urllib.request.HTTPSHandler(context=trust))
@@ -191,7 +191,7 @@ class ControlPlane:
         return bool(self.get(path))
 
     def _start_api(self, *, die_with_us: bool, attempts: int = 3) -> None:
-        """Start etcd and kube-apiserver; again with other ports when somebody was faster to take one."""
+        """Start etcd and kube-apiserver; start again with other ports if another program has taken one."""
         for attempt in range(1, attempts + 1):
             shutil.rmtree(self.directory, ignore_errors=True)
             self.directory.mkdir(parents=True, mode=0o700)
@@ -222,7 +222,7 @@ class ControlPlane:
         (self.directory / "service-accounts.key").write_bytes(key)
 
     def _ports(self) -> list[int]:
-        """Return where etcd and the API server listen."""
+        """Return the ports of etcd and the API server."""
         return processes.free_ports(2)
 
     def _etcd_settings(self, port: int) -> dict[str, str]:
@@ -232,7 +232,7 @@ class ControlPlane:
             "listen-client-urls": url,
             "advertise-client-urls": url,
             "listen-peer-urls": "http://127.0.0.1:0",
-            "unsafe-no-fsync": "true",  # nothing here must survive a power cut
+            "unsafe-no-fsync": "true",  # nothing here has to survive a power cut
             "log-level": "warn",
         }
 
@@ -247,7 +247,7 @@ class ControlPlane:
             "endpoint-reconciler-type": "none",
             "service-cluster-ip-range": "10.96.0.0/16",
             "authorization-mode": "RBAC",
-            # As in OpenShift: who sets an owner that blocks deletion must be allowed to set its finalizers.
+            # As in OpenShift: a user who sets an owner that blocks deletion needs the right to set its finalizers.
             "enable-admission-plugins": "OwnerReferencesPermissionEnforcement",
             "token-auth-file": f"{self.directory}/tokens.csv",
             "service-account-issuer": "https://kubernetes.default.svc.cluster.local",

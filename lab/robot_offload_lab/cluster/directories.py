@@ -1,4 +1,4 @@
-"""Where clusters keep their files: a named one until it is taken down, one of a test run until the run ends."""
+"""Where clusters keep their files: a named cluster until it is taken down, that of a test run until the run ends."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def named(name: str) -> Path:
     """Return the directory of a cluster that was started by hand.
 
     Raises:
-        ClusterError: The name is no plain word.
+        ClusterError: The name is not a plain word.
     """
     if not re.fullmatch(r"[a-z0-9][a-z0-9-]{0,30}", name):
         raise ClusterError(f"{name!r} is not a valid name of a cluster: use up to 31 of a-z, 0-9 and -")
@@ -36,10 +36,10 @@ def all_named() -> Path:
 
 @contextmanager
 def of_this_run() -> Iterator[Path]:
-    """Yield a directory that goes with the test run; what a killed run left goes when the next one begins."""
+    """Yield a directory that is removed with the test run; leftovers of a killed run go when the next one begins."""
     programs.cache().mkdir(parents=True, exist_ok=True)
     with (programs.cache() / "runs.lock").open("w") as gate:
-        fcntl.flock(gate, fcntl.LOCK_EX)  # nobody sweeps between the next two lines of another run
+        fcntl.flock(gate, fcntl.LOCK_EX)  # no sweep happens between the next two lines of another run
         sweep(Path(tempfile.gettempdir()))
         home = Path(tempfile.mkdtemp(prefix=PREFIX))
         life = (home / "life").open("w")
@@ -53,7 +53,7 @@ def of_this_run() -> Iterator[Path]:
 
 
 def sweep(parent: Path) -> list[Path]:
-    """Remove the directories, and any process, of test runs that are no more.
+    """Remove the directories and processes of test runs that no longer exist.
 
     Args:
         parent: Where runs keep their directories.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class ClusterError(Exception):
-    """The test cluster cannot do what was asked; the message says why and what to do next."""
+    """The test cluster cannot do what was asked; the message states why and what to do next."""
 
 
 class NoGoError(ClusterError):
@@ -12,8 +12,8 @@ class NoGoError(ClusterError):
 
 
 class CommandError(ClusterError):
-    """A kubectl or helm command ended otherwise than the test expects."""
+    """A kubectl or helm command ended differently than the test expects."""
 
 
 class NotHereError(ClusterError):
-    """This kind of cluster cannot do it, though another one can; the message says why."""
+    """This kind of cluster cannot do it, though another one can; the message states why."""

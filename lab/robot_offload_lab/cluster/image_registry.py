@@ -1,4 +1,4 @@
-"""A container registry beside a cluster: nodes, pods and this machine know it by one address, without encryption."""
+"""A container registry beside a cluster: nodes, pods and this machine use one address for it, without encryption."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import Layout
 
 PORT = 5000
-PATIENCE = 60.0  # seconds for what takes a part of one
+PATIENCE = 60.0  # seconds for what takes less than one
 
 
 class ImageRegistry:
     """The registry of one cluster; it runs within a `with` block.
 
     Attributes:
-        address: Host and port: what the names of its images begin with.
+        address: Host and port, with which the names of its images begin.
     """
 
     def __init__(self, layout: Layout, program: Path, storage: Path) -> None:
@@ -34,7 +34,7 @@ class ImageRegistry:
 
     def __enter__(self) -> Self:
         settings = self._layout.home / "registry.json"
-        # A JSON text is a YAML text as well.
+        # A JSON text is also a YAML text.
         settings.write_text(
             json.dumps(
                 {
@@ -45,7 +45,7 @@ class ImageRegistry:
                 }
             )
         )
-        # containerd reads it at every pull; by itself it speaks to a registry with encryption only.
+        # containerd reads it at every pull; by default it uses encryption only.
         place = self._layout.registries / self.address
         place.mkdir(parents=True, exist_ok=True)
         capabilities = 'capabilities = ["pull", "resolve"]'

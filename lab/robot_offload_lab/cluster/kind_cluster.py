@@ -1,4 +1,4 @@
-"""A real Kubernetes out of containers of Docker, made by kind, with robots outside that are namespaces as ever."""
+"""A real Kubernetes in Docker containers, made by kind, with robots outside that are namespaces as usual."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def prepare(say: Say) -> tuple[Path, Programs, Programs]:
 
 
 class KindCluster(AnyCluster):
-    """A cluster of kind that runs: a control plane, and the nodes that are spoken of here."""
+    """A running cluster of kind: a control plane, and the nodes (the term does not include the control plane)."""
 
     nodes: Mapping[str, KindNode]
     layout: KindLayout
@@ -119,7 +119,7 @@ class KindCluster(AnyCluster):
         self._know_nodes()
         self._kindnet = bool(self.kubectl("kube-system")("get", "daemonset/kindnet", "--ignore-not-found"))
         if self._kindnet:
-            self.layout.unenforced.touch()  # by the attendant: twice would be once too often
+            self.layout.unenforced.touch()  # by the attendant, as kind's network already does
         self._attend()
         for node in self.nodes.values():
             node.wait_ready()
@@ -129,7 +129,7 @@ class KindCluster(AnyCluster):
         report("DNS ready")
 
     def _build_network(self) -> None:
-        """Join Docker's network, which is the cluster's, with the router to the robots' side."""
+        """Connect Docker's network, which is the cluster's, through the router with the robots' side."""
         layout = self.layout
         network.refuse_overlap(layout)
         kind_docker.refuse_strangers(layout)
@@ -143,7 +143,7 @@ class KindCluster(AnyCluster):
         )
 
     def _create(self, kind: Path, text: str) -> None:
-        """Let kind make the containers and Kubernetes in them."""
+        """Have kind make the containers and Kubernetes in them."""
         layout = self.layout
         layout.registries.mkdir(exist_ok=True)
         layout.plane.mkdir(exist_ok=True)
@@ -166,7 +166,7 @@ class KindCluster(AnyCluster):
         self.plane.adopt(kubeconfig)
 
     def _know_nodes(self) -> None:
-        """Set up the nodes, and the ways between their pods, the router and them."""
+        """Set up the nodes, and the routes between their pods, the router and them."""
         layout, found = self.layout, {}
         for each in self.kubectl("").json("get", "nodes")["items"]:
             name = str(each["metadata"]["name"])

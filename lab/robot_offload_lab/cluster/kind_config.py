@@ -10,15 +10,15 @@ from robot_offload_lab.cluster import cgroups
 from robot_offload_lab.cluster.kind_layout import KindLayout
 
 REGISTRIES = "/etc/containerd/certs.d"
-"""Where containerd looks for what it must know about a registry."""
+"""Where containerd looks for settings of a registry."""
 
 
 def configuration(layout: KindLayout, nodes: int, *, fast_failure: bool) -> str:
-    """Return the file; a JSON text is a YAML text as well.
+    """Return the text of the file, in JSON, which is also YAML.
 
     Args:
         layout: Names and addresses.
-        nodes: That run pods, beside the control plane.
+        nodes: How many run pods, beside the control plane.
         fast_failure: A dead node is noticed after 9 s and its pods are moved 3 s later, not after 50 s and 5 min.
     """
     mounts = [{"hostPath": str(layout.registries), "containerPath": REGISTRIES}]
@@ -43,7 +43,7 @@ def configuration(layout: KindLayout, nodes: int, *, fast_failure: bool) -> str:
 
 
 def _kubelet(*, fast_failure: bool) -> Mapping[str, Any]:
-    """Return settings like those of the kubelets of our own nodes, as far as stories notice."""
+    """Return settings like those of our own nodes' kubelets, as far as stories depend on them."""
     settings: dict[str, Any] = {
         "kind": "KubeletConfiguration",
         "maxPods": 60,

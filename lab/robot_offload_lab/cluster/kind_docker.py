@@ -1,4 +1,4 @@
-"""Docker, as far as clusters of kind need it: whether it answers, its network for a cluster, what is left of one."""
+"""What clusters of kind need of Docker: whether it answers, its network for a cluster, a cluster's leftovers."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robot_offload_lab.cluster.kind_layout import KindLayout
 from robot_offload_lab.cluster.layout import Layout
 
 LABEL = "io.x-k8s.kind.cluster"
-"""What kind writes on its containers; the value is the name of the cluster."""
+"""Label that kind puts on its containers; the value is the name of the cluster."""
 
 _NOTE = "docker.txt"
 _BRIDGE = "com.docker.network.bridge.name"
-_PATIENCE = 20.0  # seconds until a Docker that says nothing counts as one that does not answer
+_PATIENCE = 20.0  # seconds until a silent Docker counts as not answering
 
 
 def silent() -> str:
@@ -33,7 +33,7 @@ def silent() -> str:
         )
     except subprocess.TimeoutExpired:
         return f"Docker says nothing for {_PATIENCE:.0f} s"
-    # Some versions of the client end without an error although nobody answered.
+    # Some versions of the client end without an error although there was no answer.
     if done.returncode or not done.stdout.strip():
         said = (done.stderr.strip() or "no version").splitlines()[-1]
         return f"Docker does not answer ({said})"
@@ -44,7 +44,7 @@ def run(*arguments: str, stdin: IO[bytes] | None = None, limit: float = 300.0) -
     """Run docker and return what it printed.
 
     Args:
-        arguments: Of the command.
+        arguments: Arguments of the command.
         stdin: An open file for its standard input.
         limit: Seconds after which it counts as hung.
 
@@ -79,7 +79,7 @@ def running(container: str) -> bool:
 
 
 def make_network(layout: KindLayout) -> None:
-    """Make the network of a cluster; from now on `remove` looks after Docker as well."""
+    """Make the network of a cluster; from now on `remove` also cleans up in Docker."""
     _note(layout).touch()
     kept = [word for n, each in enumerate(layout.kept_from_docker) for word in ("--aux-address", f"kept{n}={each}")]
     run(
@@ -100,15 +100,15 @@ def networks(layout: KindLayout) -> list[str]:
 
 
 def uses(layout: Layout) -> bool:
-    """Return whether a cluster has, or had until it was killed, something in Docker."""
+    """Return whether a cluster has, or had until it was killed, anything in Docker."""
     return _note(layout).exists()
 
 
 def refuse_strangers(layout: KindLayout) -> None:
-    """Refuse to make what somebody else has made already.
+    """Refuse to reuse names that another program has taken in Docker.
 
     Raises:
-        ClusterError: There is something of our names.
+        ClusterError: Something has one of our names.
     """
     if strange := [*containers(layout), *networks(layout)]:
         raise ClusterError(
@@ -118,10 +118,10 @@ def refuse_strangers(layout: KindLayout) -> None:
 
 
 def remove(layout: Layout) -> None:
-    """Remove the containers of a cluster with their volumes, and its network; no matter how it ended.
+    """Remove the containers of a cluster with their volumes, and its network, however it ended.
 
     Raises:
-        ClusterError: Docker does not answer, so that nobody can say what it still has.
+        ClusterError: Docker does not answer, so that its leftovers are not known.
     """
     if not uses(layout):
         return
@@ -136,7 +136,7 @@ def remove(layout: Layout) -> None:
 
 
 def left(layout: Layout) -> int:
-    """Return how many containers and networks of a cluster there still are."""
+    """Return how many containers and networks of a cluster still exist."""
     if not uses(layout):
         return 0
     ours = KindLayout(layout.number)

@@ -1,4 +1,4 @@
-"""An image for the nodes of kind, made here: for machines that reach no container registry.
+"""An image for the nodes of kind, built here: for machines without access to a container registry.
 
 `python -m robot_offload_lab.cluster.kind_image` makes it, unless Docker has it, and prints its name for
 ROBOT_OFFLOAD_KIND_IMAGE.
@@ -6,7 +6,7 @@ ROBOT_OFFLOAD_KIND_IMAGE.
 It is Debian with what the Dockerfile of kind's own image installs, kind's own files, our Kubernetes, and the images
 that kubeadm asks for, each of one program of ours. Two things differ from kind's image: containerd and runc are
 Debian's, with a runc that also works where root lacks CAP_SYS_RESOURCE; and the network between pods has no daemon
-(kindnetd), so that nobody in it enforces NetworkPolicies.
+(kindnetd), so that it does not enforce NetworkPolicies.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _UNWANTED: Final = (
     "lib/systemd/system/sysinit.target.wants/systemd-tmpfiles-setup.service",
     *("var/cache/apt/*", "var/lib/apt/lists/*", "usr/share/doc/*", "usr/share/man/*", "usr/share/locale/*"),
 )
-"""Services that kind's Dockerfile removes, and what only takes room."""
+"""Services that kind's Dockerfile removes, and files that only take space."""
 _SERVICES: Final = ("kubelet", "containerd", "undo-mount-hacks", "rofkind-network")
 _UNIT: Final = """[Unit]
 After=network.target
@@ -60,21 +60,21 @@ _NO_DAEMON: Final = {
     "kind": "ConfigMap",
     "metadata": {"name": "rofkind", "namespace": "kube-system"},
 }
-"""In place of kind's network daemon: something harmless to apply."""
+"""Something harmless to apply in place of kind's network daemon."""
 _STORAGE: Final = {
     "apiVersion": "storage.k8s.io/v1",
     "kind": "StorageClass",
     "metadata": {"name": "standard"},
     "provisioner": "kubernetes.io/no-provisioner",
 }
-"""Kind applies one; a cluster for our stories needs no storage."""
+"""Kind applies a storage manifest; clusters for our stories need no storage."""
 
 
 def provide(say: Say) -> str:
-    """Return the name of the image; made where Docker does not have it.
+    """Return the name of the image; make it if Docker does not have it.
 
     Raises:
-        ClusterError: It cannot be made here.
+        ClusterError: The image cannot be made here.
     """
     if why := kind_docker.silent() or _missing():
         raise ClusterError(f"No image of a node can be made: {why}")
@@ -111,7 +111,7 @@ def _missing() -> str:
 
 
 def _key(*parts: Programs | Path) -> str:
-    """Return a name for what it is made of: programs and sources are named by their versions."""
+    """Return a name for the image's parts: programs and sources are named by their versions."""
     digest = hashlib.sha256(" ".join(str(each) for each in parts).encode())
     for path in (Path(__file__), _NETWORK, _RUNC):
         digest.update(path.read_bytes())
@@ -126,7 +126,7 @@ def _debian(root: Path) -> None:
 
 
 def _furnish(root: Path, source: Path, servers: Programs, kubeadm: Programs) -> None:
-    """Do what the Dockerfile of kind's base image does, and what kind's build of a node's image adds."""
+    """Do what the Dockerfile of kind's base image and kind's build of a node's image do."""
     _copy_files(source / "images" / "base" / "files", root)
     for pattern in _UNWANTED:
         for path in root.glob(pattern):
@@ -163,7 +163,7 @@ def _remove(path: Path) -> None:
 
 
 def _copy_files(files: Path, root: Path) -> None:
-    """Copy files as the Dockerfile does: programs can be run, nothing can be written."""
+    """Copy files as the Dockerfile does: programs are executable, everything is read-only."""
     for path in sorted(each for each in files.rglob("*") if each.is_file()):
         place = path.relative_to(files)
         (root / place).parent.mkdir(parents=True, exist_ok=True)
@@ -172,7 +172,7 @@ def _copy_files(files: Path, root: Path) -> None:
 
 
 def _containers(root: Path) -> None:
-    """Write containerd's settings: kind's, with the hook of its Dockerfile, and for a root that may less."""
+    """Write containerd's settings: kind's, with the hook of its Dockerfile, and for a root with fewer rights."""
     specification = json.loads(_run("chroot", str(root), "ctr", "oci", "spec"))
     specification["hooks"] = {"createContainer": [{"path": "/kind/bin/mount-product-files.sh"}]}
     del specification["process"]["rlimits"]
@@ -195,7 +195,7 @@ def _version(kubeadm: Programs) -> str:
 
 
 def _images(root: Path, folder: Path, servers: Programs, inside: Programs, kubeadm: Programs) -> list[Path]:
-    """Return archives of all that kubeadm asks for, under the names by which it asks."""
+    """Return archives of all images that kubeadm asks for, under the names that it uses."""
     command = (str(kubeadm.path("kubeadm")), "config", "images", "list", "--kubernetes-version", _version(kubeadm))
     wanted = _run(*command).split()
     sandbox = re.search(r'sandbox_image\s*=\s*"(.+)"', (root / "etc/containerd/config.toml").read_text())
@@ -207,7 +207,7 @@ def _images(root: Path, folder: Path, servers: Programs, inside: Programs, kubea
         if short in ("coredns", "pause"):
             oci.write(archive, name, inside.path(short), user="0:0")
         else:
-            # Pods name them without a folder, so they lie where programs are looked for.
+            # Pods name them without a folder, so they are put on the search path.
             more = _with_libraries(root, "usr/sbin/nft") if short == "kube-proxy" else {}
             oci.write(archive, name, servers.path(short), folder="usr/local/bin", user="0:0", more=more)
         archives.append(archive)
@@ -233,7 +233,7 @@ def _import(root: Path) -> str:
 
 
 def _carry(base: str, archives: list[Path], name: str) -> None:
-    """Let the containerd of the image take the archives, and keep the result under a name."""
+    """Have the containerd of the image import the archives, and keep the result under a name."""
     with _started(base) as container:
         for archive in archives:
             with archive.open("rb") as content:

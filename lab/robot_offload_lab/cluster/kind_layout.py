@@ -1,4 +1,4 @@
-"""Names and addresses of a cluster whose nodes are containers of Docker: those of a layout, and Docker's."""
+"""Names and addresses of a cluster whose nodes are Docker containers: those of a layout, and Docker's."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from robot_offload_lab.cluster.layout import Layout
 
 MOST_NODES = 4
-"""Beside the control plane: so many addresses of nodes Docker may give away."""
+"""Nodes beside the control plane: Docker may assign this many node addresses."""
 
 
 @dataclass(frozen=True, slots=True)
 class KindLayout(Layout):
-    """What is where when kind makes the nodes.
+    """Where everything is when kind makes the nodes.
 
-    Addresses are those of `Layout`, but Docker gives the containers theirs, as they come, from the range of the nodes;
-    and Kubernetes decides which of the pods' networks is whose.
+    Addresses are those of `Layout`, but Docker assigns those of the containers in order of arrival, from the range of
+    the nodes, and Kubernetes assigns the pods' networks to nodes.
     """
 
     @property
     def kind(self) -> str:
-        """First word of all names in Docker: of the cluster, its containers, its network, the network's bridge."""
+        """First word of all names in Docker: those of the cluster, its containers, its network and the bridge."""
         return f"rofkind{self.number}"
 
     @property
@@ -30,20 +30,20 @@ class KindLayout(Layout):
 
     @property
     def first_network(self) -> str:
-        """Addresses of this machine, the router, the nodes and the neighbours."""
+        """Address range of this machine, the router, the nodes and the neighbours."""
         return f"{self._address(0, 0)}/24"
 
     @property
     def given_by_docker(self) -> str:
-        """From where Docker takes the addresses of containers."""
+        """Range from which Docker takes the addresses of containers."""
         return f"{self._address(0, 8)}/29"
 
     @property
     def kept_from_docker(self) -> tuple[str, ...]:
-        """Addresses in that range that no node has, so that all nodes lie where robots look for them."""
+        """Addresses in that range that no node gets, so that all nodes are where robots look for them."""
         return tuple(self._address(0, last) for last in (8, 9, 10))
 
     @property
     def pod_routes(self) -> tuple[str, ...]:
-        """None from the start: the router learns them when the nodes are there, and neighbours ask the router."""
+        """None at the start: the router learns them when the nodes exist, and neighbours ask the router."""
         return ()

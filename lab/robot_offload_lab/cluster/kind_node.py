@@ -1,4 +1,4 @@
-"""A node that is a container of Docker. It can lose its power or its network and get it back."""
+"""A node that is a Docker container. It can lose its power or its network and get it back."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class KindNode:
         return self._layout.netns(self.name)
 
     def connect(self) -> None:
-        """Give its network a name among ours, and the node the way to robots; Docker knows only the way to here."""
+        """Name its network like ours, and add the route to robots; Docker sets only the route to this machine."""
         self.address = kind_docker.address(self.name, self._layout.kind)
         netns.attach(self.netns, int(kind_docker.run("inspect", "--format", "{{.State.Pid}}", self.name)))
         netns.ip(f"route replace {self._layout.everything} via {self._layout.router}", netns=self.netns)
@@ -52,12 +52,12 @@ class KindNode:
         self.connect()
 
     def power_off(self) -> None:
-        """Cut the power: everything on the node is gone at once, without a word to anybody."""
+        """Cut the power: everything on the node ends at once, without notice."""
         kind_docker.run("kill", self.name)
         netns.remove(self.netns)
 
     def partition(self) -> None:
-        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network; it runs on."""
         netns.ip(f"link set {self._port()} nomaster")
 
     def heal(self) -> None:
@@ -66,11 +66,11 @@ class KindNode:
         netns.ip(f"link set {self._port()} master {self._layout.kind}")
 
     def wait_ready(self) -> None:
-        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes considers it ready."""
         self._wait(lambda: self._plane.node_reported_after(self.name, self._since) and self.is_ready())
 
     def is_ready(self) -> bool:
-        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes considers it ready; a failure is noticed after a while."""
         return self._plane.node_is_ready(self.name)
 
     def has_power(self) -> bool:
@@ -93,7 +93,7 @@ class KindNode:
                 self._imported[archive] = version
 
     def reap(self) -> None:
-        """Do nothing: none of its processes is a child of ours."""
+        """Do nothing: none of its processes is our child."""
 
     def _port(self) -> str:
         """Return this machine's end of its cable."""

@@ -1,4 +1,4 @@
-"""The control plane of a cluster that kind has made: how to reach it, how to switch its API server off and on."""
+"""The control plane of a cluster made by kind: how to reach it, and to switch its API server off and on."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ASIDE = "/etc/kubernetes/kube-apiserver.yaml"
 
 
 class KindPlane(NodesPlane):
-    """It runs in a container; nothing of it is started here."""
+    """A control plane in a container; nothing of it is started here."""
 
     def __init__(self, layout: KindLayout, programs: Programs) -> None:
         super().__init__(layout, programs, fast_failure=False)
@@ -30,9 +30,9 @@ class KindPlane(NodesPlane):
         self._network = layout.kind
 
     def adopt(self, written_by_kind: Path) -> Self:
-        """Know the cluster of a kubeconfig; everybody here uses a token, which no certificate must go with.
+        """Take over the cluster of a kubeconfig, with a token, which must not be combined with a certificate.
 
-        And the address of the container: kind's own one is Docker's proxy, which answers also without an API server.
+        Use the address of the container: kind's own is Docker's proxy, which answers even without an API server.
         """
         kubectl = Kubectl(self.programs.path("kubectl"), written_by_kind, "kube-system")
         cluster = json.loads(kubectl("config", "view", "--raw", "--output=json"))["clusters"][0]["cluster"]
@@ -50,7 +50,7 @@ class KindPlane(NodesPlane):
         """Take its manifest away, so that its kubelet does not start it again, and kill it."""
         kind_docker.inside(self._container, "mv", _MANIFEST, _ASIDE)
         deadline = time.monotonic() + PATIENCE
-        # Until the kubelet has seen that the manifest is gone it may start another one.
+        # Until the kubelet has noticed that the manifest is gone it may start another one.
         quiet_since = time.monotonic()
         while time.monotonic() < quiet_since + 1.0:
             if kind_docker.inside(self._container, "sh", "-c", "pkill -KILL -x kube-apiserver && echo one || true"):

@@ -1,4 +1,4 @@
-"""Names and addresses of one cluster: its number picks them all, so that several clusters stand side by side."""
+"""Names and addresses of one cluster: its number determines them, so that several clusters can run side by side."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from robot_offload_lab.cluster import programs
 from robot_offload_lab.cluster.errors import ClusterError
 
-STATE = Path("/var/tmp/robot-offload-cluster")  # not per user: names of network namespaces are the machine's
+STATE = Path("/var/tmp/robot-offload-cluster")  # not per user: names of network namespaces belong to the machine
 NUMBERS = range(10)
 MOST_NODES = 8
 _FIRST_NETWORK = 120
@@ -31,27 +31,27 @@ class Layout:
 
     @property
     def name(self) -> str:
-        """First word of every name: of network namespaces, interfaces, cgroups."""
+        """First word of the names of network namespaces, interfaces and cgroups."""
         return f"rof{self.number}"
 
     @property
     def home(self) -> Path:
-        """Everything that goes with the cluster."""
+        """The folder that is removed with the cluster."""
         return STATE / str(self.number)
 
     @property
     def marker(self) -> Path:
-        """Report that all of this is ours, and since which boot of the machine."""
+        """File that marks everything as ours, since which boot of the machine."""
         return self.home / "marker.json"
 
     @property
     def unenforced(self) -> Path:
-        """As long as this file exists, network policies are not enforced."""
+        """While this file exists, network policies are not enforced."""
         return self.home / "policies-off"
 
     @property
     def registries(self) -> Path:
-        """What its nodes know about container registries: a folder for each, named as in the names of images."""
+        """Its nodes' settings of container registries: a folder for each, named as in the names of images."""
         return self.home / "registries"
 
     @property
@@ -106,37 +106,37 @@ class Layout:
 
     @property
     def first_service(self) -> str:
-        """Where pods find the API server."""
+        """Address at which pods find the API server."""
         return self._address(128, 1)
 
     @property
     def names_service(self) -> str:
-        """Where pods ask for names."""
+        """Address of the pods' name server."""
         return self._address(128, 10)
 
     def netns(self, word: str) -> str:
-        """Return a network namespace."""
+        """Return the name of a network namespace."""
         return f"{self.name}-{word}"
 
     def node(self, index: int) -> str:
-        """Return address of a node; the first has index 1."""
+        """Return the address of a node; the first has index 1."""
         return self._address(0, 10 + index)
 
     def node_pods(self, index: int) -> str:
-        """Return addresses of the pods on one node."""
+        """Return the addresses of the pods on one node."""
         return f"{self._address(16 + index, 0)}/24"
 
     @property
     def pod_routes(self) -> tuple[str, ...]:
-        """What the cluster's network knows from the start of the ways to pods."""
+        """The routes to pods that the cluster's network has from the start."""
         return tuple(f"route add {self.node_pods(each)} via {self.node(each)}" for each in range(1, MOST_NODES + 1))
 
     def neighbour(self, index: int) -> str:
-        """Return address of a machine in the cluster's network that is no node."""
+        """Return the address of a machine in the cluster's network that is not a node."""
         return self._address(0, 100 + index)
 
     def gateway(self, index: int, turn: int = 0) -> str:
-        """Return address of a robot's NAT gateway on the side of the cluster; another one each turn."""
+        """Return the address of a robot's NAT gateway on the cluster's side; each turn has another one."""
         return self._address(2, 10 + index + 100 * (turn % 2))
 
     def balancer(self, index: int) -> str:

@@ -27,7 +27,7 @@ def is_balanced(service: Object) -> bool:
 
 
 def missing_addresses(services: Iterable[Object], layout: Layout) -> list[tuple[Object, str]]:
-    """Return the Services without an address, and the one that each gets."""
+    """Return the Services without an address, each with the address that it gets."""
     balanced = sorted(filter(is_balanced, services), key=lambda each: str(each["metadata"]["creationTimestamp"]))
     taken = {ingress(each) for each in balanced}
     found = []
@@ -52,14 +52,14 @@ def routes(
 ) -> dict[str, str]:
     """Return load balancer address -> address of the node that takes its traffic; without one it is unreachable.
 
-    A way that still works stays: connections would break without need.
+    A route that still works is kept, so that no connection breaks needlessly.
 
     Args:
-        services: Of the cluster.
+        services: Services of the cluster.
         slices: Its EndpointSlices.
         nodes: Its nodes.
-        present: The answer of the last time.
-        layout: Of the cluster.
+        present: The previous result.
+        layout: Layout of the cluster.
     """
     takers = (node for node in nodes if is_ready(node) and _NOT_BY not in node["metadata"].get("labels", {}))
     alive = {str(node["metadata"]["name"]): _address(node) for node in takers}
@@ -84,7 +84,7 @@ def is_ready(node: Object) -> bool:
 
 
 def _able(service: Object, slices: Sequence[Object], alive: Sequence[str]) -> list[str]:
-    """Return nodes that may take a Service's traffic: all, or with `Local` those that have a pod of it."""
+    """Return the nodes that may take a Service's traffic: all, or with `Local` those that have a pod of it."""
     if service["spec"].get("externalTrafficPolicy") != "Local":
         return list(alive)
     metadata = service["metadata"]

@@ -1,4 +1,4 @@
-"""Network namespaces and what is in them, by the `ip`, `nft` and `nsenter` commands."""
+"""Network namespaces and their contents, by the `ip`, `nft` and `nsenter` commands."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from robot_offload_lab.cluster.errors import ClusterError
 
 NAMED = Path("/run/netns")
 INTERFACES = Path("/sys/class/net")
-"""Of this process's own network namespace."""
+"""Interfaces of this process's own network namespace."""
 
 TIDY = (
     "net.ipv6.conf.all.disable_ipv6=1",
     "net.ipv6.conf.default.disable_ipv6=1",
-    # A network namespace answers for its addresses only where they are: cut off is cut off.
+    # A network namespace answers for an address only on the address's interface, so that a cut really cuts.
     "net.ipv4.conf.all.arp_ignore=1",
 )
 
 
 def into(netns: str) -> tuple[str, ...]:
-    """Return command that runs another one in there.
+    """Return a command prefix that runs another command in a namespace.
 
-    Not `ip netns exec`, which mounts /sys anew and so hides the cgroups.
+    Not `ip netns exec`, which remounts /sys and so hides the cgroups.
     """
     return ("nsenter", f"--net={NAMED / netns}")
 
@@ -50,7 +50,7 @@ def ip(*lines: str, netns: str = "") -> None:
 
 
 def nft(rules: str, netns: str) -> None:
-    """Load rules; all of them or, when one is wrong, none."""
+    """Load rules: all of them, or none if one is wrong."""
     run("nft", "-f", "-", netns=netns, stdin=rules)
 
 
@@ -63,24 +63,24 @@ def make(netns: str, *, forwards: bool = False) -> None:
 
 
 def attach(netns: str, pid: int) -> None:
-    """Give the namespace of a process a name; in place of what had this name before."""
+    """Give the namespace of a process a name, replacing the earlier bearer of the name."""
     if exists(netns):
         run("ip", "netns", "del", netns)
     run("ip", "netns", "attach", netns, str(pid))
 
 
 def exists(netns: str) -> bool:
-    """Return whether there is one of this name."""
+    """Return whether a namespace of this name exists."""
     return (NAMED / netns).exists()
 
 
 def named(prefix: str) -> list[str]:
-    """Return namespaces whose name begins like this."""
+    """Return the namespaces whose name has this prefix."""
     return sorted(path.name for path in NAMED.glob(f"{prefix}*")) if NAMED.is_dir() else []
 
 
 def inhabitants(netns: str) -> list[int]:
-    """Return processes that are in a namespace."""
+    """Return the processes in a namespace."""
     try:
         wanted = (NAMED / netns).stat().st_ino
     except FileNotFoundError:
@@ -96,7 +96,7 @@ def inhabitants(netns: str) -> list[int]:
 
 
 def empty(netns: str, patience: float = 60.0) -> int:
-    """Kill every process in a namespace of ours; how many there were.
+    """Kill every process in a namespace of ours; return how many there were.
 
     Args:
         netns: The namespace.
@@ -114,7 +114,7 @@ def empty(netns: str, patience: float = 60.0) -> int:
 
 
 def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> None:
-    """Send a signal to processes of which some may be gone already."""
+    """Send a signal to processes, some of which may have ended already."""
     for pid in pids:
         try:
             os.kill(pid, number)
@@ -123,11 +123,11 @@ def signal_all(pids: Iterable[int], number: signal.Signals = signal.SIGKILL) -> 
 
 
 def remove(netns: str) -> None:
-    """Remove a namespace with all that is in it; no matter when there is none."""
+    """Remove a namespace with everything in it; do nothing if there is none."""
     if not exists(netns):
         return
     empty(netns)
-    # One end of a pair goes with its namespace only later, when the kernel gets to it; a new cluster may be faster.
+    # The kernel removes one end of a pair only some time after its namespace; a new cluster may come sooner.
     links = run("ip", "-o", "link", "show", "type", "veth", netns=netns).splitlines()
     for line in links:
         name = line.split(":")[1].strip().split("@")[0]

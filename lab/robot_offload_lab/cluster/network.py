@@ -13,7 +13,7 @@ LAN, OUTSIDE = "lan", "outside"
 
 
 def build(layout: Layout) -> None:
-    """Make everything but nodes and robots.
+    """Make everything except nodes and robots.
 
     Three namespaces: `net` holds the bridge of the cluster, the bridge on the robots' side and routes between the two;
     `wires` only holds the ends of wires and has no address; `plane` is for the control plane.
@@ -34,29 +34,29 @@ def switchboard(layout: Layout) -> None:
     netns.make(net, forwards=True)
     netns.make(layout.netns("wires"))
     netns.ip(
-        # With addresses of their own: otherwise they take one of their ports', another one when that goes.
+        # With addresses of their own: otherwise they take that of a port, and another one when that port goes.
         f"link add {LAN} address 02:00:00:00:{layout.number:02x}:01 type bridge",
         f"link add {OUTSIDE} address 02:00:00:00:{layout.number:02x}:02 type bridge",
         f"addr add {layout.router}/24 dev {LAN}",
         f"addr add {layout.outside}/24 dev {OUTSIDE}",
         f"link set {LAN} up",
         f"link set {OUTSIDE} up",
-        # Nobody has these addresses yet: what goes there is refused, not sent in circles.
+        # These addresses are not in use yet: packets for them are refused, not sent in circles.
         f"route add unreachable {layout.everything}",
         *layout.pod_routes,
         netns=net,
     )
-    # Frames between nodes only pass through here; filters are the nodes' business.
+    # Frames between nodes only pass through here; the nodes filter them.
     netns.run("sysctl", "-q", "-w", "net.bridge.bridge-nf-call-iptables=0", netns=net)
     netns.ip(f"link add {layout.name} type veth peer name host netns {net}", f"link set {layout.name} up")
     netns.ip(f"link set host master {LAN} up", netns=net)
 
 
 def refuse_overlap(layout: Layout) -> None:
-    """Refuse addresses that this machine knows already.
+    """Refuse addresses that this machine uses already.
 
     Raises:
-        ClusterError: It does.
+        ClusterError: It uses some of them.
     """
     ours = ipaddress.ip_network(layout.everything)
     for route in json.loads(netns.run("ip", "-json", "-4", "route", "show")):
@@ -71,10 +71,10 @@ def plug(layout: Layout, place: str, address: str, port: str) -> None:
     """Connect a namespace to the bridge of the cluster.
 
     Args:
-        layout: Of the cluster.
+        layout: Layout of the cluster.
         place: The namespace; its interface is eth0.
-        address: It gets there.
-        port: Name of the bridge's side.
+        address: The address of that interface.
+        port: Name of the interface on the bridge's side.
     """
     net = layout.netns("net")
     netns.ip(f"link add {port} type veth peer name eth0 netns {place}", f"link set {port} master {LAN} up", netns=net)
@@ -84,7 +84,7 @@ def plug(layout: Layout, place: str, address: str, port: str) -> None:
 
 
 def unplug(layout: Layout, port: str) -> None:
-    """Pull the cable of a port out; the link light stays on."""
+    """Unplug the cable of a port; the link stays up."""
     netns.ip(f"link set {port} nomaster", netns=layout.netns("net"))
 
 

@@ -47,7 +47,7 @@ class ClusterNode:
         return self._files.layout.netns(self.name)
 
     def install(self) -> None:
-        """Write its files and issue its certificates, as is done once for a machine."""
+        """Write its files and issue its certificates, once for a machine."""
         shutil.rmtree(self._files.home, ignore_errors=True)
         self._files.write()
         self._plane.node_certificates(self.name, self.address)
@@ -59,9 +59,9 @@ class ClusterNode:
         self.start_kubelet()
 
     def boot(self) -> None:
-        """Start it as far as it comes by itself; several nodes do so at the same time."""
+        """Start what it can by itself; several nodes may do so at the same time."""
         self._since = dt.datetime.now(dt.UTC)
-        # The socket of the last time would look as if containerd answered.
+        # A leftover socket would look as if containerd answered.
         shutil.rmtree(self._files.home / "run", ignore_errors=True)
         (self._files.home / "images-ready").unlink(missing_ok=True)
         self._plug_in()
@@ -72,10 +72,10 @@ class ClusterNode:
         self._process = processes.spawn(command, home / "init.log", die_with_us=self._die_with_us, favoured=True)
 
     def start_kubelet(self) -> None:
-        """Let it start what needs images, once it has them."""
+        """Start what needs images, once the node has them."""
         self._wait(f"containerd of {self.name}", self._containerd_answers)
         known = self._files.home / "booted-before"
-        # Images stay from the last cluster, its containers do not.
+        # Images of the last cluster stay, its containers do not.
         if not known.exists() and (names := self._ctr("containers", "ls", "-q").split()):
             self._ctr("containers", "rm", *names)
         known.touch()
@@ -83,8 +83,8 @@ class ClusterNode:
         (self._files.home / "images-ready").touch()
 
     def power_off(self) -> None:
-        """Cut the power: everything on the node is gone at once, without a word to anybody."""
-        # Its first process goes with `unshare`, and everything else with its first process.
+        """Cut the power: everything on the node ends at once, without notice."""
+        # Its first process ends with `unshare`, and everything else with its first process.
         netns.signal_all(processes.running(self._files.home))
         self.reap()
         network.unplug(self._files.layout, self.name)
@@ -98,12 +98,12 @@ class ClusterNode:
             self._process = None
 
     def wait_ready(self) -> None:
-        """Wait until it has reported since it was switched on or healed, and Kubernetes counts on it."""
+        """Wait until it has reported since it was switched on or healed, and Kubernetes considers it ready."""
         reported = self._plane.node_reported_after
         self._wait(f"{self.name} to be ready", lambda: reported(self.name, self._since) and self.is_ready())
 
     def is_ready(self) -> bool:
-        """Return whether Kubernetes counts on it; it takes a while to notice that it should not."""
+        """Return whether Kubernetes considers it ready; a failure is noticed after a while."""
         return self._plane.node_is_ready(self.name)
 
     def has_power(self) -> bool:
@@ -115,7 +115,7 @@ class ClusterNode:
         return policies.in_force(self.netns)
 
     def partition(self) -> None:
-        """Cut it off the network: it runs on, nobody reaches it, it reaches nobody."""
+        """Cut it off the network; it runs on."""
         network.unplug(self._files.layout, self.name)
 
     def heal(self) -> None:
@@ -124,7 +124,7 @@ class ClusterNode:
         network.replug(self._files.layout, self.name)
 
     def import_images(self, archives: Sequence[Path]) -> None:
-        """Import OCI archives unless it has them already; ours whose archive is no more go, or the disk would fill."""
+        """Import OCI archives unless it has them; remove images of ours without an archive, to save disk space."""
         self._files.kept.mkdir(parents=True, exist_ok=True)
         stamp = self._files.kept / "imported.json"
         imported = json.loads(stamp.read_text()) if stamp.exists() else {}
@@ -146,7 +146,7 @@ class ClusterNode:
             self._ctr("images", "rm", *old)
 
     def log(self, program: str) -> str:
-        """Return what containerd, kubelet or kube-proxy said last."""
+        """Return the last log lines of containerd, kubelet or kube-proxy."""
         path = self._files.home / "log" / f"{program}.log"
         return path.read_text(errors="replace")[-3000:] if path.exists() else ""
 
@@ -154,7 +154,7 @@ class ClusterNode:
         layout = self._files.layout
         netns.make(self.netns, forwards=True)
         network.plug(layout, self.netns, self.address, self.name)
-        # What passes between two pods of a node over its bridge is filtered and translated like everything else.
+        # Traffic between two pods of a node over its bridge is filtered and translated like all other.
         netns.run("sysctl", "-q", "-w", "net.bridge.bridge-nf-call-iptables=1", netns=self.netns)
         others = [each for each in range(1, MOST_NODES + 1) if each != self._files.index]
         routes = [f"route add {layout.node_pods(each)} via {layout.node(each)}" for each in others]

@@ -1,4 +1,4 @@
-"""What is written down for a node: the configuration of containerd, its network plugin, kubelet and kube-proxy."""
+"""The files of a node: the configuration of containerd, its network plugin, kubelet and kube-proxy."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ class NodeFiles:
 
     @property
     def name(self) -> str:
-        """Of the node, in Kubernetes and in network namespaces."""
+        """Name of the node, in Kubernetes and in network namespaces."""
         return f"node{self.index}"
 
     @property
     def home(self) -> Path:
-        """All its files but images."""
+        """All its files except images."""
         return self.layout.home / self.name
 
     @property
@@ -44,7 +44,7 @@ class NodeFiles:
 
     @property
     def cgroup(self) -> str:
-        """Of all its pods."""
+        """Control group of all its pods."""
         return f"{self.layout.name}-{self.name}"
 
     def write(self) -> None:
@@ -55,7 +55,7 @@ class NodeFiles:
         (self.home / "cni" / "10-pods.conflist").write_text(json.dumps(self._network(), indent=1))
         (self.home / "kubelet.json").write_text(json.dumps(self._kubelet(), indent=1))
         (self.home / "kube-proxy.json").write_text(json.dumps(self._proxy(), indent=1))
-        (self.home / "resolv.conf").write_text("")  # no name server above: nothing is asked outside by accident
+        (self.home / "resolv.conf").write_text("")  # no upstream name server: no query leaves by accident
         (self.home / "init.sh").write_text(self._init())
 
     def _containerd(self) -> str:
@@ -124,8 +124,8 @@ oom_score = 0
             "clusterDNS": [self.layout.names_service],
             "resolvConf": f"{self.home}/resolv.conf",
             "evictionHard": {"memory.available": "200Mi", "nodefs.available": "2%", "imagefs.available": "2%"},
-            "imageGCHighThresholdPercent": 100,  # an image that goes cannot be pulled again
-            # How often and in what way it reads ConfigMaps is the default: figures of this cluster hold elsewhere.
+            "imageGCHighThresholdPercent": 100,  # a removed image cannot be pulled again
+            # How it reads ConfigMaps is the default, so that figures of this cluster hold elsewhere.
             "nodeStatusUpdateFrequency": "2s" if self.fast_failure else "10s",
             "nodeLeaseDurationSeconds": 8 if self.fast_failure else 40,
             "volumePluginDir": f"{self.home}/plugins",
@@ -148,11 +148,11 @@ oom_score = 0
         }
 
     def _init(self) -> str:
-        """Return the first process of the node. bash collects the shims whose parent is gone.
+        """Return the first process of the node. bash reaps the shims whose parent is gone.
 
-        What programs keep at fixed places (/run, /var/lib, /var/log) is the node's own: two kubelets that share
+        The fixed folders of programs (/run, /var/lib, /var/log) are the node's own: two kubelets that share
         /var/log/pods delete each other's logs. `/` is shared for pods that propagate mounts. A kubelet ends when
-        containerd listens but still recovers what a power cut has left: like a service manager we start it again.
+        containerd listens but still recovers from a power cut: it is started again, as by a service manager.
         """
         home, log = self.home, f"{self.home}/log"
         return f"""set -u

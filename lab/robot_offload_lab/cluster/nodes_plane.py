@@ -52,18 +52,18 @@ class NodesPlane(ControlPlane):
         server.wait()
 
     def start_api(self) -> None:
-        """Start the API server again, with all that it knew."""
+        """Start the API server again, with all its data."""
         self._spawn("kube-apiserver", self._api_settings(API_PORT, ETCD_PORT), die_with_us=self._die_with_us)
         self._wait("the API server to be ready", lambda: self.get("/readyz") == "ok")
 
     def node_certificates(self, name: str, address: str) -> None:
-        """Issue what the kubelet of a node needs."""
+        """Issue the certificates that the kubelet of a node needs."""
         assert self.authority is not None
         self.authority.server(f"{name}-server", [address], [name])
         self.authority.client(f"{name}-client", f"system:node:{name}", ["system:nodes"])
 
     def node_is_ready(self, name: str) -> bool:
-        """Return whether Kubernetes counts on a node; it takes a while to notice that it should not."""
+        """Return whether Kubernetes considers a node ready; a failure is noticed after a while."""
         node = json.loads(self.get(f"/api/v1/nodes/{name}"))
         return any(each["type"] == "Ready" and each["status"] == "True" for each in node["status"]["conditions"])
 
@@ -96,7 +96,7 @@ class NodesPlane(ControlPlane):
         return self.directory / f"{word}.kubeconfig"
 
     def _ports(self) -> list[int]:
-        return [ETCD_PORT, API_PORT]  # nobody else is in this network namespace
+        return [ETCD_PORT, API_PORT]  # no other program is in this network namespace
 
     def _write_secrets(self) -> None:
         super()._write_secrets()

@@ -1,4 +1,4 @@
-"""OCI archives of one program on nothing: what `ctr image import` reads, written by hand."""
+"""OCI archives of one program without a base image: the format that `ctr image import` reads, written by hand."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def write(
     user: str = NOBODY,
     more: Mapping[str, Path] = {},  # never changed
 ) -> None:
-    """Write an image that holds a static program and start it.
+    """Write an image that holds a static program and starts it.
 
     Args:
         archive: The tar file to write; it appears whole or not at all.
-        name: Of the image, with its tag.
+        name: Name of the image, with its tag.
         program: Put into the image under its own name.
-        arguments: Of the program, unless a pod gives others.
-        folder: Of the program, such as `usr/bin`; the root of the image when left out.
-        user: Who runs it, unless a pod says otherwise.
-        more: Other files: place in the image, without a slash at the beginning, and where they are here.
+        arguments: Arguments of the program, unless a pod states others.
+        folder: Folder of the program, such as `usr/bin`; the root of the image when left out.
+        user: User that runs it, unless a pod states another.
+        more: Other files: path in the image, without a leading slash, and source path.
     """
     place = f"{folder}/{program.name}".lstrip("/")
     layer = _layer({place: program, **more})

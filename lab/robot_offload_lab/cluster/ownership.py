@@ -1,4 +1,4 @@
-"""Which cluster is whose: a number is taken by a lock, and everything of a cluster by its marker file."""
+"""Ownership of clusters: a number is taken by a lock, and everything of a cluster by its marker file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import NUMBERS, STATE, Layout
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-PATIENCE = 60.0  # seconds until what a killed process held is free
+PATIENCE = 60.0  # seconds until a killed process's resources are free
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,17 +39,17 @@ class Leftovers:
 
 
 def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
-    """Take a number, the lowest free one unless one is named; what a killed run left under it is removed.
+    """Take a number, the lowest free one unless one is given, and remove what a killed run left under it.
 
     Args:
         number: 0 to 9, or None.
-        by_hand: The cluster outlives this process and is known by this directory; None when it ends with it.
+        by_hand: Directory of a cluster that outlives this process; None when it ends with the process.
 
     Returns:
-        The layout, and the lock, which this process holds as long as it lives.
+        The layout, and the lock, which this process holds while it lives.
 
     Raises:
-        ClusterError: It is taken, or what is there is not ours.
+        ClusterError: The number is taken, or what exists under it is not ours.
     """
     _prepare_state()
     taken = []
@@ -74,10 +74,10 @@ def claim(number: int | None, by_hand: Path | None) -> tuple[Layout, IO[str]]:
 
 
 def remove(layout: Layout) -> None:
-    """Remove everything of a cluster, whoever started it and however that ended.
+    """Remove everything of a cluster, whichever process started it and however that ended.
 
     Raises:
-        ClusterError: There is something of this name that no cluster of ours has made.
+        ClusterError: Something of this name was not made by a cluster of ours.
     """
     if not layout.marker.exists():
         if strange := [*netns.named(f"{layout.name}-"), *map(str, cgroups.left(f"{layout.name}-"))]:
@@ -97,7 +97,7 @@ def remove(layout: Layout) -> None:
 
 
 def leftovers(layout: Layout) -> Leftovers:
-    """Count what is there of a cluster."""
+    """Count what exists of a cluster."""
     places = (f"{layout.home}/", f"{layout.kept}/")
     names = netns.named(f"{layout.name}-")
     others = any(Layout(each).marker.exists() for each in NUMBERS if each != layout.number)
@@ -115,23 +115,23 @@ def leftovers(layout: Layout) -> Leftovers:
 
 
 def known() -> list[Layout]:
-    """Return clusters that are there, running or left by a killed run."""
+    """Return the existing clusters, running or left by a killed run."""
     return [Layout(each) for each in NUMBERS if Layout(each).marker.exists()]
 
 
 def by_hand(directory: Path) -> Layout | None:
-    """Return the cluster that was started by hand and is known by a directory."""
+    """Return the cluster that was started by hand with this directory."""
     found = (layout for layout in known() if _marked(layout).get("by_hand") == str(directory))
     return next(found, None)
 
 
 def sweep() -> list[Layout]:
-    """Remove what killed runs have left; which clusters that were."""
+    """Remove what killed runs have left; return the clusters concerned."""
     swept = []
     for layout in known():
         lock = None if _marked(layout).get("by_hand") else _lock(layout)
         if lock is not None:
-            with lock:  # until it is gone nobody starts another one there
+            with lock:  # until it is gone no process starts another one there
                 remove(layout)
             swept.append(layout)
     return swept
@@ -149,7 +149,7 @@ def is_alive(layout: Layout) -> bool:
 
 
 def _lock(layout: Layout) -> IO[str] | None:
-    """Hold a number, if nobody else does for longer than a glance takes."""
+    """Take the lock of a number; return None if another process holds it for more than a moment."""
     lock = (STATE / f"{layout.number}.lock").open("a")
     for _ in range(5):
         try:
@@ -163,7 +163,7 @@ def _lock(layout: Layout) -> IO[str] | None:
 
 
 def _marked(layout: Layout) -> dict[str, Any]:
-    """Return what the marker says; nothing when it is of an earlier boot: then only files can be left."""
+    """Return the marker's content; empty when it is of an earlier boot, after which only files can be left."""
     try:
         marker: dict[str, Any] = json.loads(layout.marker.read_text())
     except (FileNotFoundError, ValueError):
@@ -172,7 +172,7 @@ def _marked(layout: Layout) -> dict[str, Any]:
 
 
 def _mark(layout: Layout, by_hand: Path | None) -> None:
-    """Report that all that follows is ours, before there is anything."""
+    """Mark everything that follows as ours, before anything exists."""
     name = str(by_hand) if by_hand else None
     marker = {"number": layout.number, "boot": _BOOT.read_text().strip(), "by_hand": name}
     with _machine_lock():
@@ -199,7 +199,7 @@ def _machine_lock() -> Iterator[None]:
 
 
 def _remove_files(home: Path) -> None:
-    """Remove a directory; mounts in it go a moment after the namespace that they are in."""
+    """Remove a directory; mounts in it end a moment after their namespace."""
     deadline = time.monotonic() + PATIENCE
     while home.exists():
         shutil.rmtree(home, ignore_errors=time.monotonic() < deadline)

@@ -1,7 +1,8 @@
-"""NetworkPolicies as nftables rules of each node: the network plugin of the nodes enforces none by itself.
+"""NetworkPolicies as nftables rules of each node, because the nodes' network plugin does not enforce them.
 
 Understood: podSelector, namespaceSelector, ipBlock with except, ports with endPort, named ports of incoming traffic.
-A named port of outgoing traffic allows nothing. Traffic of a node with its own pods always passes, as Kubernetes says.
+A named port of outgoing traffic allows nothing. Traffic of a node with its own pods always passes, as Kubernetes
+specifies.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], names
                 chain = f"{way}_{address.replace('.', '_')}"
                 chains[chain] = [*rules, "drop"]
                 jumps[way].append(f"{address} : jump {chain}")
-    # Only answers pass unseen: a policy that comes later also ends what was allowed until then.
+    # Only answers pass unchecked: a later policy also ends connections that were allowed until then.
     forward = [
         "type filter hook forward priority -5; policy accept",
         "ct state established,related ct direction reply accept",
@@ -52,7 +53,7 @@ def ruleset(node: str, policies: Iterable[Object], pods: Iterable[Object], names
 
 
 def removal() -> str:
-    """Return rules that take all of ours away, whether there are any or not."""
+    """Return rules that remove all of ours, whether there are any or not."""
     return f"add table inet {TABLE}\ndelete table inet {TABLE}\n"
 
 
@@ -62,7 +63,7 @@ def in_force(place: str) -> bool:
 
 
 def selects(selector: Object, labels: Mapping[str, str]) -> bool:
-    """Return whether a label selector selects what has these labels; an empty one selects everything."""
+    """Return whether a label selector selects these labels; an empty one selects everything."""
     if any(labels.get(key) != value for key, value in (selector.get("matchLabels") or {}).items()):
         return False
     return all(_holds(each, labels) for each in selector.get("matchExpressions") or [])
@@ -89,7 +90,7 @@ def _has_address(pod: Object) -> bool:
 def _rules(
     way: str, pod: Object, policies: Sequence[Object], pods: Sequence[Object], namespaces: Mapping[str, Any]
 ) -> list[str] | None:
-    """Return what is allowed for one pod one way; None when no policy closes that way."""
+    """Return what is allowed for one pod in one direction; None when no policy restricts it."""
     kind, section = ("Ingress", "ingress") if way == "in" else ("Egress", "egress")
     found: list[str] | None = None
     for policy in policies:
@@ -111,7 +112,7 @@ def _types(spec: Object) -> Sequence[str]:
 
 
 def _peers(way: str, rule: Object, own: str, pods: Sequence[Object], namespaces: Mapping[str, Any]) -> Iterator[str]:
-    """Return conditions on the other end; one of them must hold."""
+    """Yield conditions on the other end, one of which must hold."""
     peers = rule.get("from" if way == "in" else "to") or []
     where = f"ip {_ADDRESS[way]}"
     if not peers:
@@ -140,7 +141,7 @@ def _selected(peer: Object, own: str, pods: Sequence[Object], namespaces: Mappin
 
 
 def _ports(way: str, rule: Object, pod: Object) -> Iterator[str]:
-    """Return conditions on the port; one of them must hold."""
+    """Yield conditions on the port, one of which must hold."""
     ports = rule.get("ports") or []
     if not ports:
         yield ""

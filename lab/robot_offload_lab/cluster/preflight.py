@@ -65,7 +65,7 @@ def _kernel() -> str | None:
 
 
 def _can_overlay() -> bool:
-    """Return whether the file system of the cache takes what containerd does: not, for example, inside a container."""
+    """Return whether containerd can use overlays on the cache's file system; it cannot inside a container, say."""
     programs.cache().mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="overlay-", dir=programs.cache()) as place:
         for each in ("lower", "upper", "work", "whole"):

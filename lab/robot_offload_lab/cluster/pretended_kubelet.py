@@ -1,4 +1,4 @@
-"""What a kubelet would report: here no Pod ever starts, and some tests want to see what follows when it has."""
+"""Reports in place of a kubelet: here no Pod ever starts, but some tests need what follows a start."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def report_ended(
         plane: the control plane.
         namespace: of the Job.
         job: its name.
-        messages: what each container left as its termination message; others left none.
-        failing: the container that failed, the ones behind it have not run; empty: all succeeded.
+        messages: termination messages by container; others left none.
+        failing: the container that failed, so that later ones have not run; empty: all succeeded.
 
     Returns:
         The names of those Pods, without those that have gone meanwhile.

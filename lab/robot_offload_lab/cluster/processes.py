@@ -14,15 +14,15 @@ from pathlib import Path
 from robot_offload_lab.cluster.errors import ClusterError
 
 _spawned: list[subprocess.Popen[bytes]] = []
-"""Kept, because Python warns of a process that nobody remembers; those that have ended are forgotten."""
+"""Kept, because Python warns of a process object that is dropped; those that have ended are removed."""
 
 
 _BOND = '[ "$PPID" = "$0" ] && exec "$@"'
-"""The kernel tells a child of its parent's death only when the child had asked before it died."""
+"""The kernel informs a child of its parent's death only if the child asked before the parent died."""
 
 
 def bond(die_with_us: bool) -> list[str]:
-    """Return what comes before a program that the kernel is to kill when the thread that starts it ends."""
+    """Return the prefix of a command that the kernel is to kill when the thread that starts it ends."""
     return ["setpriv", "--pdeathsig", "KILL", "sh", "-c", _BOND, str(os.getpid())] if die_with_us else []
 
 
@@ -33,7 +33,7 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
         arguments: Program and arguments. One of them must name the cluster's directory: it is how `running` finds it.
         log: Receives stdout and stderr.
         die_with_us: The kernel kills it when the *thread* that called this ends, however that happens.
-        favoured: It gets ten times the share of what else runs on a busy machine, where that is permitted.
+        favoured: It gets ten times the processor share of other programs on a busy machine, where permitted.
     """
     with log.open("wb") as output:
         # A session of its own: Ctrl-C in the terminal reaches us, and we decide in which order things end.
@@ -46,7 +46,7 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
             start_new_session=True,
         )
     if favoured:
-        # The scheduler shares a machine out by session, and among those `nice` has no say.
+        # The scheduler divides a machine by session; `nice` has no effect between sessions.
         with suppress(OSError):
             Path(f"/proc/{child.pid}/autogroup").write_text("-10")
     _spawned[:] = [child, *(each for each in _spawned if each.poll() is None)]
@@ -54,7 +54,7 @@ def spawn(arguments: Sequence[str], log: Path, *, die_with_us: bool, favoured: b
 
 
 def without_proxies(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return an environment in which nothing is sent through a proxy: the cluster's addresses mean nothing to it."""
+    """Return an environment without proxies, which do not know the cluster's addresses."""
     return {name: value for name, value in environment.items() if not name.lower().endswith("_proxy")}
 
 
@@ -67,16 +67,16 @@ def running(directory: Path) -> dict[int, str]:
             continue
         try:
             arguments = (entry / "cmdline").read_bytes().split(b"\0")
-        except OSError:  # it ended, or is not ours to read
+        except OSError:  # it has ended, or we may not read it
             continue
-        # Only `--option=DIRECTORY/...` counts: an editor or a shell that has one of its files open is no server.
+        # Only `--option=DIRECTORY/...` counts: an editor or a shell that has one of its files open is not a server.
         if any(argument.startswith(b"--") and b"=" + needle in argument for argument in arguments[1:]):
             found[int(entry.name)] = Path(os.fsdecode(arguments[0])).name
     return found
 
 
 def kill(directory: Path, patience: float = 60.0) -> None:
-    """Kill the servers of this cluster. Nothing is worth saving; asked politely the API server takes seconds.
+    """Kill the servers of this cluster. Nothing is worth saving, and an orderly end of the API server takes seconds.
 
     Args:
         directory: The cluster's.
@@ -95,7 +95,7 @@ def kill(directory: Path, patience: float = 60.0) -> None:
 
 
 def free_ports(count: int) -> list[int]:
-    """Return TCP ports of the loopback interface that nobody uses at this moment."""
+    """Return TCP ports of the loopback interface that no program uses at this moment."""
     sockets = [socket.socket() for _ in range(count)]
     try:
         for each in sockets:

@@ -19,9 +19,9 @@ from robot_offload_lab.cluster.errors import ClusterError, NoGoError
 
 MODULE = Path(__file__).with_name("binaries")
 POD_MODULE = Path(__file__).with_name("pods")
-"""One of its own: CoreDNS wants other versions of what Kubernetes is made of."""
+"""A separate module: CoreDNS needs other versions of Kubernetes's libraries."""
 REGISTRY_MODULE = Path(__file__).with_name("registry")
-"""For those who want a registry beside their cluster; nobody else builds it."""
+"""Built only if a cluster needs a registry beside it."""
 
 CONTROL_PLANE: Mapping[str, str] = {
     "etcd": "go.etcd.io/etcd/server/v3",
@@ -35,7 +35,7 @@ CONTROL_PLANE: Mapping[str, str] = {
 NODES: Mapping[str, str] = {
     name: f"k8s.io/kubernetes/cmd/{name}" for name in ("kube-scheduler", "kubelet", "kube-proxy")
 }
-"""What a cluster with nodes needs beside them."""
+"""What a cluster with nodes needs in addition."""
 
 PODS: Mapping[str, str] = {name: f"./{name}" for name in ("coredns", "pause", "tester")}
 """What runs in pods: of the module in pods/."""
@@ -47,9 +47,9 @@ PROMETHEUS_MODULE = Path(__file__).with_name("prometheus")
 PROMETHEUS: Mapping[str, str] = {
     name: f"github.com/prometheus/prometheus/cmd/{name}" for name in ("prometheus", "promtool")
 }
-"""What reads metrics and judges rules, of the module in prometheus/: for the tests of dashboards and alerts."""
+"""Reads metrics and evaluates rules, of the module in prometheus/: for the tests of dashboards and alerts."""
 TAGS: Mapping[Path, str] = {PROMETHEUS_MODULE: "remove_all_sd"}
-"""Build tags by module. Prometheus without service discoveries: what one of them needs cannot be fetched any more."""
+"""Build tags by module. Prometheus without service discoveries: a dependency of one is no longer available."""
 
 KIND_MODULE = Path(__file__).with_name("kind")
 KIND: Mapping[str, str] = {"kind": "sigs.k8s.io/kind"}
@@ -57,7 +57,7 @@ KIND: Mapping[str, str] = {"kind": "sigs.k8s.io/kind"}
 
 KUBEADM_MODULE = Path(__file__).with_name("kubeadm")
 KUBEADM: Mapping[str, str] = {"kubeadm": "k8s.io/kubernetes/cmd/kubeadm"}
-"""For the image of such a node where no registry can be reached: of the module in kubeadm/, else as in binaries/."""
+"""For the image of such a node without access to a registry: of the module in kubeadm/, else as in binaries/."""
 
 REPORT_EVERY = 20.0  # seconds between two lines about a build in progress
 
@@ -66,7 +66,7 @@ Say = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class Programs:
-    """A directory that holds every program that was asked for."""
+    """A directory that holds every requested program."""
 
     directory: Path
 
@@ -116,12 +116,12 @@ def everything(say: Say) -> tuple[Programs, Programs]:
 
 
 def built() -> bool:
-    """Return whether a cluster with nodes needs nothing to be built."""
+    """Return whether everything that a cluster with nodes needs is built."""
     return bool(_find({**CONTROL_PLANE, **NODES}, MODULE) and _find(PODS, POD_MODULE))
 
 
 def _find(wanted: Mapping[str, str], module: Path) -> Programs | None:
-    """Return the newest complete set for these pins, of the installed Go version or of any without Go."""
+    """Return the newest complete set for these pins, built by the installed Go version, or by any if Go is missing."""
     version = _go_version() if shutil.which("go") else "*"
     complete = [home for home in cache().glob(_key(version, module)) if all((home / name).exists() for name in wanted)]
     return Programs(max(complete, key=lambda home: home.stat().st_mtime)) if complete else None
@@ -143,7 +143,7 @@ def _go_version() -> str:
 
 @contextmanager
 def _only_one_builds(say: Say) -> Iterator[None]:
-    """Hold the build lock: a second run waits, then find everything done."""
+    """Hold the build lock: a second run waits, then finds everything done."""
     cache().mkdir(parents=True, exist_ok=True)
     with (cache() / "lock").open("w") as lock:
         try:
@@ -151,7 +151,7 @@ def _only_one_builds(say: Say) -> Iterator[None]:
         except BlockingIOError:
             say("test cluster: another run is building the programs; waiting for it")
             fcntl.flock(lock, fcntl.LOCK_EX)
-        for left in cache().glob("partial-*"):  # of a build that was killed; nobody else can be building now
+        for left in cache().glob("partial-*"):  # of a build that was killed; no other process can be building now
             shutil.rmtree(left)
         yield
 
@@ -162,7 +162,7 @@ def _build(missing: Mapping[str, str], module: Path, home: Path, say: Say) -> No
     with tempfile.TemporaryDirectory(prefix="partial-", dir=cache()) as scratch:
         _run_go(missing, module, Path(scratch), say)
         for name, package in missing.items():
-            # An os.replace on one file system is atomic: a program that is there is whole.
+            # os.replace on one file system is atomic: a program that exists is complete.
             (Path(scratch) / _output_name(package)).replace(home / name)
     say(f"test cluster: built in {_minutes(time.monotonic() - begun)}, kept in {home}")
 
@@ -198,7 +198,7 @@ def _run_go(missing: Mapping[str, str], module: Path, target: Path, say: Say) ->
 
 
 def _link_flags() -> str:
-    """Return versions that the programs report; kubectl, helm and the API server compare them with each other."""
+    """Return flags with the versions that programs report; kubectl, helm and the API server compare them."""
     kubernetes, helm = _pinned("k8s.io/kubernetes"), _pinned("helm.sh/helm/v3")
     major, minor, _ = kubernetes.removeprefix("v").split(".")
     component = "k8s.io/component-base/version"
@@ -224,7 +224,7 @@ def _pinned(module: str) -> str:
 
 
 def _output_name(package: str) -> str:
-    """Return the file name that Go gives to a package's program: its last part that is no version."""
+    """Return the file name that Go gives to a package's program: its last part that is not a version."""
     parts = package.split("/")
     return parts[-2] if re.fullmatch(r"v\d+", parts[-1]) else parts[-1]
 

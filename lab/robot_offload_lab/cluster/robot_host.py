@@ -1,4 +1,4 @@
-"""Machines that are no nodes: a robot behind a wire and NAT, or a neighbour in the cluster's own network."""
+"""Machines that are not nodes: a robot behind a wire and NAT, or a neighbour in the cluster's own network."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from robot_offload_lab.cluster.errors import ClusterError
 from robot_offload_lab.cluster.layout import MOST_NODES, Layout
 from robot_offload_lab.cluster.wire import RobotWire
 
-# What is a machine's own, while its programs come from ours: shared memory, which DDS participants on one machine use
-# to find each other; no name server; /run; and what is written to /etc and /var/lib, which stays without power.
+# A machine's programs are ours, but it has its own: shared memory, by which DDS participants on one machine find each
+# other; no name server; /run; and what is written to /etc and /var/lib, which survives a power cut.
 _OWN = """set -e
 mount -t tmpfs -o mode=1777 tmpfs /dev/shm
 mount -t tmpfs tmpfs /run
@@ -44,16 +44,16 @@ class Bonds(TypedDict):
     """Its programs end with the thread that starts them."""
 
     gone: Callable[[str], None]
-    """Hears its name when it has been removed."""
+    """Called with its name when it has been removed."""
 
 
 class RobotHost(ABC):
     """A machine of its own outside the cluster.
 
     Attributes:
-        name: Of the machine.
-        index: Picks its addresses.
-        address: Its own address; nobody on the other side of a NAT gateway sees it.
+        name: Name of the machine.
+        index: Determines its addresses.
+        address: Its own address, not visible beyond a NAT gateway.
         wire: Its link.
     """
 
@@ -105,9 +105,9 @@ class RobotHost(ABC):
 
         Args:
             argv: Program and arguments.
-            env: Its whole environment; ours when left out. Proxies are taken out of it: a robot has none.
-            log: Receives stdout and stderr, added at its end; otherwise both are lost.
-            cwd: Directory that it starts in.
+            env: Its whole environment; ours when left out. Proxies are removed: a robot has none.
+            log: stdout and stderr are appended to it; otherwise both are lost.
+            cwd: Its working directory.
             piped: Its standard input and output are pipes to us; only stderr goes to the log.
             priority: Under SCHED_FIFO, 0 for a normal process; where that is not permitted it runs as a normal one.
 
@@ -127,13 +127,13 @@ class RobotHost(ABC):
                 start_new_session=True,
             )
         if priority:
-            # Its threads will inherit it; so soon after the start it has none yet.
+            # Its threads will inherit it; right after the start it has none yet.
             with suppress(PermissionError, ProcessLookupError):
                 os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(priority))
         return child
 
     def _files(self) -> subprocess.Popen[bytes]:
-        """Return the process that keeps this machine's own files mounted; started anew after the power was off."""
+        """Return the process that keeps this machine's own files mounted; start it again after a power cut."""
         if self._own is None or self._own.poll() is not None:
             bond = processes.bond(self._die_with_us)
             private = ["unshare", "--mount", "--propagation", "private", "sh", "-c", _OWN]
@@ -155,7 +155,7 @@ class RobotHost(ABC):
         return self._own
 
     def run(self, *argv: str) -> str:
-        """Run a short command in its network, but among our files, and return the output.
+        """Run a short command in its network, but with our files, and return the output.
 
         Raises:
             ClusterError: It failed.
@@ -163,7 +163,7 @@ class RobotHost(ABC):
         return netns.run(*argv, netns=self.netns)
 
     def power_off(self) -> int:
-        """Kill every process on it at once; how many there were. The next `start` is a cold boot."""
+        """Kill every process on it at once; return how many there were. The next `start` is a cold boot."""
         there = netns.empty(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -179,14 +179,14 @@ class RobotHost(ABC):
 
     @abstractmethod
     def change_address(self) -> str:
-        """Give it another address, as on its way from one access point to the next; return the new one."""
+        """Give it another address, as when it changes the access point; return the new one."""
 
     @abstractmethod
     def block_udp(self, block: bool) -> None:
-        """Let no UDP pass, as some firewalls do; or let it pass again."""
+        """Block UDP, as some firewalls do, or let it pass again."""
 
     def remove(self) -> None:
-        """Take it away with everything that runs on it."""
+        """Remove it with everything that runs on it."""
         netns.remove(self.netns)
         if self._own is not None:
             self._own.wait()
@@ -207,7 +207,7 @@ class RobotHost(ABC):
     def _lay_wire(self, far: str, far_name: str, *, realtime: bool) -> None:
         """Connect it: its eth0 - wire - an interface in another namespace."""
         netns.make(self.netns)
-        # One frame is one packet: otherwise the kernel hands over 64 kB of a stream at once, and one loss is 40.
+        # One frame is one packet: otherwise the kernel passes 64 kB of a stream at once, and one loss becomes 40.
         single = "gso_max_segs 1"
         netns.ip(
             f"link add {self._near} type veth peer name eth0 {single} netns {self.netns}",
@@ -230,12 +230,12 @@ class RobotHost(ABC):
         (self._control.parent / _FACTS).write_text(json.dumps(facts))
 
     def recall(self, facts: Mapping[str, Any]) -> None:
-        """Know what another process has written down about it."""
+        """Read what another process has recorded about it."""
         self.address, self._turn = facts["address"], facts["turn"]
 
 
 class NatRobot(RobotHost):
-    """It reaches load balancer addresses and node ports; nobody reaches it."""
+    """A robot behind NAT: it reaches load balancer addresses and node ports, but cannot be reached."""
 
     def build(self, *, realtime: bool) -> None:
         """Make it with its gateway and its wire."""
@@ -255,11 +255,11 @@ class NatRobot(RobotHost):
 
     @property
     def outer_address(self) -> str:
-        """What the cluster sees in place of its address."""
+        """The address that the cluster sees in place of its own."""
         return self._layout.gateway(self.index, self._turn)
 
     def change_address(self) -> str:
-        """Return another address for it and for its gateway; what its gateway knew of connections is gone."""
+        """Give it and its gateway other addresses; the gateway loses its connections. Return the robot's address."""
         self._move(self._turn + 1)
         return self.address
 
@@ -269,7 +269,7 @@ class NatRobot(RobotHost):
         netns.nft(f"flush chain ip gateway blocked\n{rule}", self.gateway)
 
     def remove(self) -> None:
-        """Take it away with its gateway."""
+        """Remove it with its gateway."""
         super().remove()
         netns.remove(self.gateway)
 
@@ -311,7 +311,7 @@ table ip gateway {{
 
 
 class Neighbour(RobotHost):
-    """In the cluster's network, with a wire but without NAT: it reaches pods and pods reach it."""
+    """A machine in the cluster's network, with a wire but without NAT: it reaches pods and pods reach it."""
 
     def build(self, *, realtime: bool) -> None:
         """Make it with its wire."""
@@ -321,7 +321,7 @@ class Neighbour(RobotHost):
         self._move(0)
 
     def change_address(self) -> str:
-        """Return another address in the same network."""
+        """Give it another address in the same network; return it."""
         self._move(self._turn + 1)
         return self.address
 
@@ -344,7 +344,7 @@ class Neighbour(RobotHost):
 
 
 def of(layout: Layout, name: str, **bonds: Unpack[Bonds]) -> RobotHost:
-    """Return the machine of this name that another process has made."""
+    """Return the machine of this name, made by another process."""
     facts = json.loads((layout.home / "wires" / name / _FACTS).read_text())
     kind = NatRobot if facts["kind"] == NatRobot.__name__ else Neighbour
     host = kind(layout, name, facts["index"], **bonds)

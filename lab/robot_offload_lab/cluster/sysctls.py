@@ -1,4 +1,4 @@
-"""Settings of the whole machine that a cluster changes: kept by the first one, put back by the last one."""
+"""Settings of the whole machine that a cluster changes: saved by the first cluster, restored by the last."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_offload_lab.cluster.layout import STATE
 _PROC = Path("/proc/sys")
 _KEPT = STATE / "sysctls.json"
 _CHANGED_BY_KUBELET = ("vm/overcommit_memory", "vm/panic_on_oom", "kernel/panic", "kernel/panic_on_oops")
-# In a container of kind systemd sets what Debian wants set, and some of it is the whole machine's.
+# In a container of kind, systemd applies Debian's settings, and some of them affect the whole machine.
 _CHANGED_BY_SYSTEMD = (
     "kernel/pid_max",
     *(f"fs/protected_{what}" for what in ("fifos", "hardlinks", "regular", "symlinks")),
@@ -20,7 +20,7 @@ RAISED: Mapping[str, int] = {"fs/inotify/max_user_instances": 8192, "fs/inotify/
 
 
 def keep_and_raise() -> None:
-    """Remember the settings unless a cluster already did, and raise what several kubelets run out of."""
+    """Save the settings unless a cluster already did, and raise limits that several kubelets exhaust."""
     if not _KEPT.exists():
         names = (*_CHANGED_BY_KUBELET, *_CHANGED_BY_SYSTEMD, *RAISED)
         values = {name: (_PROC / name).read_text().strip() for name in names if (_PROC / name).exists()}
@@ -33,7 +33,7 @@ def keep_and_raise() -> None:
 
 
 def put_back() -> None:
-    """Set them as they were before the first cluster."""
+    """Restore the settings from before the first cluster."""
     if not _KEPT.exists():
         return
     for name, value in json.loads(_KEPT.read_text()).items():
@@ -42,7 +42,7 @@ def put_back() -> None:
 
 
 def changed() -> list[str]:
-    """Return names of those that are not as they were before the first cluster."""
+    """Return the names of settings that differ from those before the first cluster."""
     if not _KEPT.exists():
         return []
     return [

@@ -10,19 +10,19 @@ from robot_offload_lab.cluster.programs import Programs
 
 PAUSE = "localhost/pause:3.10"
 OURS = "localhost/robot-offload/"
-"""How the names of images begin that are built here again and again, each time under another tag."""
+"""Prefix of images that are rebuilt here again and again, each time under another tag."""
 
 TESTER = f"{OURS}tester:1"
 IMAGES: Mapping[str, str] = {"pause": PAUSE, "coredns": "localhost/coredns:1", "tester": TESTER}
 
 
 def archives(programs: Programs) -> Sequence[Path]:
-    """Return their OCI archives, made beside the programs when they are missing."""
+    """Return the images' OCI archives; make missing ones beside the programs."""
     return [archive(programs, program) for program in IMAGES]
 
 
 def archive(programs: Programs, program: str) -> Path:
-    """Return the OCI archive of one of them."""
+    """Return the OCI archive of one program."""
     found = programs.directory / f"{program}.tar"
     if not found.exists():
         oci.write(found, IMAGES[program], programs.path(program))

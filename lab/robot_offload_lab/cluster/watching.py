@@ -1,4 +1,4 @@
-"""What the API server holds of one kind, kept up to date in a thread."""
+"""The API server's objects of one kind, kept up to date in a thread."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from urllib.parse import urlencode
 from robot_offload_lab.cluster.control_plane import ControlPlane
 
 Object = Mapping[str, Any]
-_ROUND = 300  # seconds after which a watch begins anew
-_PAUSE = 0.3  # seconds until it is tried again when the API server is away
+_ROUND = 300  # seconds after which a watch is renewed
+_PAUSE = 0.3  # seconds until the next attempt when the API server is away
 
 
 class ObjectWatch(threading.Thread):
-    """Lists the objects of a path, then follows their changes; after any trouble from the beginning."""
+    """Lists the objects of a path, then follows their changes; starts over after any error."""
 
     def __init__(self, plane: ControlPlane, path: str, changed: Callable[[], None]) -> None:
         super().__init__(name=f"watch {path}", daemon=True)
@@ -27,7 +27,7 @@ class ObjectWatch(threading.Thread):
         self._lock = threading.Lock()
 
     def objects(self) -> list[Object] | None:
-        """Return all that are known; None until they have been listed once."""
+        """Return all known objects; None until they have been listed once."""
         with self._lock:
             return None if self._objects is None else list(self._objects.values())
 

@@ -23,7 +23,7 @@ PATIENCE = 60.0  # seconds; a start takes a tenth of one, on a busy machine many
 class RobotWire:
     """Delay, jitter, loss, rate and cuts of one robot's link, changed while it runs.
 
-    All values are of one way and hold for both. Frames never overtake each other.
+    All values are one-way and apply to both directions. Frames never overtake each other.
     """
 
     def __init__(self, control: Path, process: subprocess.Popen[bytes] | None = None) -> None:
@@ -70,16 +70,16 @@ class RobotWire:
         rate_kbit: float | None = None,
         cut: Cut | Literal["keep"] | None = "keep",
     ) -> None:
-        """Change the link from now on; what is not named stays, and a recording that plays ends.
+        """Change the link from now on; settings that are not given stay, and a playing recording ends.
 
-        On a link that is followed, what is named counts instead of that link's, until `follow` is called again.
+        On a followed link the given settings replace that link's, until `follow` is called again.
 
         Args:
-            delay_ms: Of each frame, one way.
+            delay_ms: Delay of each frame, one way.
             jitter_ms: Standard deviation of the delay.
             loss_pct: Percentage of frames that are lost, each way.
             rate_kbit: Kilobits per second each way; 0 for no limit. Half a second of frames waits, more is lost.
-            cut: None heals; "both", "to_cloud", "to_robot" name the way on which nothing passes any more.
+            cut: None heals; "both", "to_cloud", "to_robot" name the direction in which nothing passes.
         """
         named = {"delay_ms": delay_ms, "jitter_ms": jitter_ms, "loss_pct": loss_pct, "rate_kbit": rate_kbit}
         order: dict[str, Any] = {name: value for name, value in named.items() if value is not None}
@@ -90,7 +90,7 @@ class RobotWire:
     def play(self, trace: Path) -> float:
         """Play a recorded link from its beginning; afterwards the values of `set` hold again.
 
-        A round trip counts half for each way. What is sent during a stall arrives at its end, both ways.
+        A round trip counts half for each direction. Frames sent during a stall arrive at its end, both ways.
 
         Args:
             trace: One round trip in ms per line, measured back to back; or CSV `t_s,rtt_ms`, empty where it was lost.
@@ -99,7 +99,7 @@ class RobotWire:
             The length of the recording in seconds.
 
         Raises:
-            ClusterError: The file is no recording.
+            ClusterError: The file is not a recording.
         """
         try:
             length_s = load_trace(trace).duration_s
@@ -118,7 +118,7 @@ class RobotWire:
         self._ask({"follow": dataclasses.asdict(link)})
 
     def start_schedule(self) -> float:
-        """Start the schedule of the link that is followed; the moment, in seconds of the steady clock."""
+        """Start the schedule of the followed link; return that moment, in seconds of the steady clock."""
         return float(self._ask({"start": True})["started_s"])
 
     def state(self) -> dict[str, Any]:

@@ -1,8 +1,8 @@
-"""Measures what a wire adds by itself: round trips over one, without any cluster (root).
+"""Measures the delay that a wire itself adds: round trips over one, without any cluster (needs root).
 
 `python -m robot_offload_lab.cluster.wire_accuracy`.
 
-Both ends run with real-time priority, so that a busy machine is not counted as the wire's.
+Both ends run with real-time priority, so that delays of a busy machine do not count as the wire's.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ PACKET_ADD_MEMBERSHIP, PACKET_MR_PROMISC = 1, 1
 ALL_PROTOCOLS = 3
 LARGEST_FRAME = 70000
 BURST = 64  # frames from one side before the other side and the frames that are due get their turn
-BUFFER_MS = 500.0  # of a link with a limited rate: what would wait longer is dropped
+BUFFER_MS = 500.0  # of a link with a limited rate: frames that would wait longer are dropped
 REALTIME_PRIORITY = 20
 WAYS: Final[Mapping[Direction, str]] = {"up": "to_cloud", "down": "to_robot"}
 CUTS: Final[Mapping[str | None, str | None]] = {"both": "both", "to_cloud": "up", "to_robot": "down", None: None}
@@ -38,7 +38,7 @@ CUTS: Final[Mapping[str | None, str | None]] = {"both": "both", "to_cloud": "up"
 
 @dataclasses.dataclass(frozen=True)
 class WireSettings:
-    """What `Wire.set` has set, in its units."""
+    """The settings of `Wire.set`, in its units."""
 
     delay_ms: float = 0.0
     jitter_ms: float = 0.0
@@ -47,7 +47,7 @@ class WireSettings:
     cut: str | None = None
 
     def constant(self, *, recorded: bool = False) -> Constant:
-        """Return both directions; with a recording, which has the delays, without delay and jitter of its own."""
+        """Return both directions; without delay and jitter if a recording provides them."""
         if self.cut not in CUTS:
             raise WireError(f"cut must be both, to_cloud, to_robot or null, found {self.cut!r}")
         same = LinkConditions(
@@ -62,7 +62,7 @@ class WireSettings:
 
 
 class Steering:
-    """What is asked of the link: settings, a recording, or a schedule that begins on command."""
+    """What the link follows: settings, a recording, or a schedule that begins on command."""
 
     def __init__(self, seed: int) -> None:
         self.settings = WireSettings()
@@ -71,15 +71,15 @@ class Steering:
         self._followed = False
 
     def settle(self, now_s: float) -> None:
-        """Give the link back to the settings when a recording is over."""
+        """Return the link to the settings when a recording is over."""
         if self._over_s is not None and now_s >= self._over_s:
             self._follow(Schedule((self.settings.constant(),)))
 
     def obey(self, order: Mapping[str, Any], now_s: float) -> dict[str, Any]:
-        """Change what the order names.
+        """Carry out an order.
 
         Raises:
-            WireError, TypeError: the order makes no sense.
+            WireError, TypeError: the order is not valid.
         """
         if "set" in order:
             self._set(dataclasses.replace(self.settings, **order["set"]), order["set"])
@@ -102,7 +102,7 @@ class Steering:
         }
 
     def _set(self, settings: WireSettings, named: Mapping[str, Any]) -> None:
-        """Put what is named on top of the link that is followed, or else make the settings the link."""
+        """Put the given settings on top of the followed link, or else make them the link."""
         constant = settings.constant()
         if self._followed:
             both = {"delay_ms": constant.up.delay_ms, "jitter_ms": constant.up.jitter_ms, "loss": constant.up.loss}
@@ -163,12 +163,12 @@ class FrameRelay:
             try:
                 order = json.loads(talk.makefile().readline())
                 talk.sendall(json.dumps(self._steering.obey(order, steady_s())).encode() + b"\n")
-            except (OSError, ValueError, TypeError, WireError) as error:  # who asked is gone, or asked nonsense
+            except (OSError, ValueError, TypeError, WireError) as error:  # the sender is gone, or the order is invalid
                 sys.stderr.write(f"order not understood: {error}" + "\n")
 
 
 def open_interface(name: str) -> socket.socket:
-    """Return a socket that sees all frames that come in at an interface, and none that go out."""
+    """Return a socket that receives all incoming frames of an interface, and no outgoing ones."""
     opened = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
     opened.setsockopt(SOL_PACKET, PACKET_VNET_HDR, 1)  # carries unfinished checksums across
     opened.setsockopt(SOL_PACKET, PACKET_IGNORE_OUTGOING, 1)

@@ -1,4 +1,4 @@
-"""What other switching rules would have done on the link that a console has seen: the replay's policies, run again."""
+"""What other switching rules would have done on the link that a console has shown, by the replay's policies."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from robot_offload_lab.replay.named import POLICIES
 from robot_offload_lab.replay.study import Replayed, StudiedLink
 
 LEAST_S: Final = 5.0
-"""Shorter than a hold-down nothing can be judged."""
+"""Nothing can be judged on a stretch shorter than a hold-down."""
 GAP_S: Final = 3.0
-"""Points further apart: the link between them is not known, and counts as cut."""
+"""Between points further apart than this the link is not known, and counts as cut."""
 _RULE: Final = ("latency", "profile", "heartbeatPeriod", "lossTimeout", "holdDown")
 
 
@@ -55,7 +55,7 @@ def _settings(switching: Mapping[str, Any]) -> Settings:
 
 
 def _beats(points: Sequence[Point], settings: Settings) -> Heartbeats:
-    """Return the heartbeats of a link that was at each moment as it was last seen."""
+    """Return the heartbeats of a link that stayed at each moment as last seen."""
     if not points or points[-1].t_s - points[0].t_s < LEAST_S:
         raise InputError(f"other rules: nothing can be judged before {LEAST_S:.0f} s of the link have been seen")
     times_s = np.array([point.t_s - points[0].t_s for point in points])

@@ -37,8 +37,8 @@ class RecordedSource(Unchangeable):
         path: the file, or the folder of a demo's report.
 
     Raises:
-        InputError: there is none.
-        RecordingError: it cannot be read.
+        InputError: there is no recording.
+        RecordingError: the recording cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -88,7 +88,7 @@ def _records(found: Recording) -> Iterator[Record]:
 
 
 def _manifest(file: Path, found: Recording) -> Mapping[str, Any]:
-    """Return the resource that ran: as the demo wrote it, or what the recording itself says of it."""
+    """Return the resource that ran: as the demo wrote it, or as far as the recording itself states it."""
     with contextlib.suppress(OSError, ValueError):
         read: Any = json.loads(file.read_text(encoding="utf-8"))
         if isinstance(read, dict) and isinstance(read.get("metadata"), dict) and read["metadata"].get("name"):

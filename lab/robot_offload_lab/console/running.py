@@ -24,7 +24,7 @@ from robot_offload_lab.show.watch import LiveRun
 
 TELL_S: Final = 0.1
 START_S: Final = 120.0
-"""A machine with much else to do needs half a minute for the imports alone."""
+"""A busy machine needs half a minute for the imports alone."""
 LINGER_S: Final = 1.0
 
 
@@ -53,7 +53,7 @@ class DemoSource:
         return Fleet("demo")
 
     async def run(self, publish: Publish) -> None:
-        """Publish what `tell` brings, until cancelled."""
+        """Publish what `tell` delivers, until cancelled."""
         publish(Declared(self._key, self._wishes.manifest))
         self._loop, self._publish = asyncio.get_running_loop(), publish
         await asyncio.Event().wait()
@@ -71,7 +71,7 @@ class DemoSource:
             loop.call_soon_threadsafe(_publish_all, publish, events)
 
     async def may(self, key: Key, action: Action) -> Permission:
-        """Return whether the run can hear a wish."""
+        """Return whether the run accepts a request."""
         del key, action
         return self._wishes.may()
 

@@ -12,11 +12,11 @@ from robot_offload_lab.show.watch import LiveRun
 
 
 class Teller:
-    """Tells a console what is new in a run.
+    """Turns what is new in a run into events for a console.
 
     Args:
         key: of the robot.
-        offset_s: is added to the steady clock of the run.
+        offset_s: added to the steady clock of the run.
     """
 
     def __init__(self, key: Key, offset_s: float) -> None:
@@ -25,7 +25,7 @@ class Teller:
         self._told: dict[float, float | None] = {}
 
     def tell(self, watch: LiveRun, now_s: float, cloud: Live | None = None) -> Iterator[Event]:
-        """Yield what has happened since the last call, and how things are now; `cloud` is its agent's own word."""
+        """Yield the events since the last call and the present state; `cloud` is the cloud agent's own report."""
         for switch in watch.switches:
             if switch.t_s not in self._told or self._told[switch.t_s] != switch.gap_ms:
                 self._told[switch.t_s] = switch.gap_ms

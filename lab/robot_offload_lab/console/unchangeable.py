@@ -1,4 +1,4 @@
-"""What sources without a cluster have in common: one may look, and change nothing."""
+"""What sources without a cluster have in common: they are read-only."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_offload.errors import InputError
 
 
 class Unchangeable:
-    """The half of a source that takes a person's wishes; `reason`: why none is granted."""
+    """The half of a source that takes a user's requests; `reason`: why it grants none."""
 
     def __init__(self, reason: str) -> None:
         self._reason = reason

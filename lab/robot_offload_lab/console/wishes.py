@@ -1,4 +1,4 @@
-"""What a person may do to a running demo: the same changes as in a cluster, without an API server.
+"""What a user may change in a running demo: the same as in a cluster, without an API server.
 
 The cloud's agent offers settings to the robot, as it does those of an operator; here the console writes them.
 """
@@ -21,7 +21,7 @@ from robot_offload.render.agent_config import parameter_file
 OVER: Final = "the run is over"
 ONE_SIDE: Final = "one side runs alone, so there is nowhere to switch to; run the demo with both"
 WORDS: Final = ("mode", "pin")
-"""Of spec.switching, what buttons change."""
+"""Fields of spec.switching that buttons change."""
 
 
 class Wishes:
@@ -30,7 +30,7 @@ class Wishes:
     Args:
         manifest: of the RobotOffload that runs.
         file: that the cloud's agent watches; empty: the run has one side.
-        changed: takes the manifest after each change.
+        changed: called with the manifest after each change.
     """
 
     def __init__(self, manifest: Mapping[str, Any], file: str, changed: Callable[[Mapping[str, Any]], None]) -> None:
@@ -44,7 +44,7 @@ class Wishes:
             self._write()
 
     def over(self) -> None:
-        """Take the end of the run: nobody hears a wish any more."""
+        """Take the end of the run: requests are no longer accepted."""
         self.refusal = self.refusal or OVER
 
     def may(self) -> Permission:
@@ -52,7 +52,7 @@ class Wishes:
         return Permission(not self.refusal, self.refusal)
 
     def act(self, action: Action, *, connected: bool) -> str:
-        """Do it and return what was done; a pin for some time is let go by a timer here.
+        """Do it and return what was done; a timer here ends a pin for a limited time.
 
         Raises:
             InputError: nothing can be changed now.
@@ -75,7 +75,7 @@ class Wishes:
             self._patch(actions.patch(Action(actions.Want.AUTO), "", datetime.datetime.now(datetime.UTC)))
 
     def _patch(self, body: Mapping[str, Any]) -> None:
-        """Take a change as the API server would, and offer it."""
+        """Apply a change as the API server would, and offer it."""
         metadata, spec = dict(self.manifest["metadata"]), dict(self.manifest["spec"])
         spec["switching"] = {**(spec.get("switching") or {}), **body["spec"]["switching"]}
         if "annotations" in body["metadata"]:

@@ -1,6 +1,6 @@
 """Builds the project's own images: `python -m robot_offload_lab.images.ours`, also `make images`.
 
-The Dockerfiles are in `images/`; README.md there says what each image holds.
+The Dockerfiles are in `images/`; README.md there describes the content of each image.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class OwnImage:
 
     Attributes:
         name: in the registry.
-        wheels_stage: the stage of `images/wheels-base` that can be its base; empty: it cannot stand on it.
-        example: whose nodes it holds; empty: it is none of an example.
-        over: the one of ours that it is laid over; empty: none.
+        wheels_stage: the stage of `images/wheels-base` that can be its base; empty: none can.
+        example: the example whose nodes it holds; empty: it belongs to no example.
+        over: our image on which it is layered; empty: none.
     """
 
     name: str
@@ -56,7 +56,7 @@ class OwnImage:
 
     @property
     def compiles(self) -> bool:
-        """Return whether interface packages are made for it, which takes compilers."""
+        """Return whether interface packages are built for it, which needs compilers."""
         return not self.over and (ROOT / "examples" / self.example / "interfaces").is_dir()
 
     @property
@@ -83,11 +83,11 @@ OURS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class BuildSettings:
-    """What is the same for all of them.
+    """Settings that all images share.
 
     Attributes:
-        registry: where they belong.
-        version: of the project; the tag.
+        registry: the registry of the images.
+        version: version of the project; the tag.
         revision: the commit.
         platforms: see `builders.Request`.
         push: see `builders.Request`.
@@ -107,13 +107,13 @@ class BuildSettings:
 def request(
     image: OwnImage, settings: BuildSettings, base: str | None = None, build_base: str | None = None
 ) -> Request:
-    """Return how one of our images is built.
+    """Return the request to build one of our images.
 
     Args:
         image: which.
-        settings: what is the same for all.
-        base: instead of the base image that its Dockerfile names.
-        build_base: the same for the one in which interface packages are made.
+        settings: what all images share.
+        base: replaces the base image that its Dockerfile names.
+        build_base: replaces the image in which interface packages are built.
     """
     arguments = {"VERSION": settings.version, "REVISION": settings.revision}
     if image.over:
@@ -207,7 +207,7 @@ def build(
 
 
 def stand_in(image: OwnImage, wheels: bool) -> str | None:
-    """Return the base of wheels for an image; None: the base that its Dockerfile names, or another one of ours."""
+    """Return the wheels base for an image; None: the base that its Dockerfile names, or another image of ours."""
     return wheels_base.tag(image.wheels_stage) if wheels and image.wheels_stage and not image.over else None
 
 
@@ -217,15 +217,15 @@ def _stages(images: Sequence[OwnImage]) -> set[wheels_base.Stage]:
 
 
 def registry_digest(tool: Tool, tag: str) -> str:
-    """Return the digest by which a registry has an image that was pushed just now.
+    """Return the digest of a just pushed image in a registry.
 
     Raises:
-        BuildError: it cannot be found out.
+        BuildError: the digest cannot be determined.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "digest"
         command = {
-            # What is there already is not sent again.
+            # Images that are there already are not sent again.
             "buildah": ("buildah", "push", "--quiet", "--digestfile", str(file), tag),
             "podman": ("podman", "push", "--quiet", "--digestfile", str(file), tag),
             "docker": ("docker", "buildx", "imagetools", "inspect", "--format", "{{.Manifest.Digest}}", tag),
@@ -272,7 +272,7 @@ def _chosen(names: Sequence[str], wheels: bool) -> tuple[OwnImage, ...]:
         raise InputError(f"{unknown[0]!r} is none of our images; these are {', '.join(image.name for image in OURS)}")
     if names:
         return tuple(image for image in OURS if image.name in names)
-    # All that this machine can: the router is compiled from sources that only a git host has.
+    # All that this machine can build: the router is compiled from sources that only a git host has.
     return tuple(image for image in OURS if image.wheels_stage or not wheels)
 
 

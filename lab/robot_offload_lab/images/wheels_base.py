@@ -61,7 +61,7 @@ def build(
     stages: Iterable[Stage] = STAGES,
     environment: Mapping[str, str] | None = None,
 ) -> None:
-    """Build stages; what has not changed comes from the builder's cache.
+    """Build stages; unchanged ones come from the builder's cache.
 
     Args:
         tool: the builder.
@@ -94,15 +94,15 @@ def build(
 
 
 def _lend_headers(folder: Path) -> None:
-    """Copy the interpreter's own headers: those of the system belong to another version."""
+    """Copy the interpreter's own headers: the system's headers belong to another version."""
     headers = Path(sysconfig.get_path("include"))
     folder.mkdir()
-    if headers.is_dir():  # without them only the stage with compilers is of no use
+    if headers.is_dir():  # without them only the stage with compilers is useless
         shutil.copytree(headers, folder, dirs_exist_ok=True)
 
 
 def fingerprint(context: Path, kept: Iterable[Path]) -> str:
-    """Change when a file of the context does, or when an archive is made anew."""
+    """Return a name that changes with each file of the context, and when an archive is made anew."""
     digest = hashlib.sha256()
     for path in sorted(path for path in context.rglob("*") if path.is_file()):
         digest.update(str(path.relative_to(context)).encode() + b"\0" + path.read_bytes())
@@ -113,17 +113,17 @@ def fingerprint(context: Path, kept: Iterable[Path]) -> str:
 
 
 def _is_there(tool: Tool, image: str, environment: Mapping[str, str] | None) -> bool:
-    """Return whether an image is there already: having the builder look at the archives again takes longer."""
+    """Return whether an image exists already, which is quicker than having the builder check the archives again."""
     command = (tool, "images", "--quiet", image)
     asked = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60.0, env=environment)
     return asked.returncode == 0 and bool(asked.stdout.strip())
 
 
 def lent(tool: Tool) -> tuple[str, ...]:
-    """Return builder arguments that lend a build what this machine trusts, and ask for no user namespace.
+    """Return builder arguments that give a build this machine's trusted certificates, without a user namespace.
 
-    A proxy that intercepts has certificates of its own, which the machine knows and the base does not. docker can
-    lend no file: it takes the proxy from its own settings.
+    An intercepting proxy has certificates of its own, which the machine knows and the base does not. docker cannot pass
+    a file: it takes the proxy from its own settings.
     """
     if tool == "docker":
         return ()
@@ -132,7 +132,7 @@ def lent(tool: Tool) -> tuple[str, ...]:
 
 
 def constraints(requirements: str) -> str:
-    """Return the pinned versions without hashes and conditions: pip takes hashes for everything or for nothing."""
+    """Return the pinned versions without hashes and conditions: pip accepts hashes for everything or nothing."""
     return "".join(f"{pin}\n" for pin in re.findall(r"^[A-Za-z0-9_.-]+==[^\s;\\]+", requirements, re.MULTILINE))
 
 
@@ -140,7 +140,7 @@ def archives(folder: Path) -> tuple[Path, Path]:
     """Return the archives of the system and of CPython, made if they are not in `folder` yet.
 
     Raises:
-        InputError: this is not CPython 3.12, or root or debootstrap are missing.
+        InputError: this is not CPython 3.12, or root or debootstrap is missing.
         BuildError: debootstrap failed.
     """
     system, python = _paths(folder)
@@ -154,7 +154,7 @@ def archives(folder: Path) -> tuple[Path, Path]:
 
 
 def archives_are_kept() -> bool:
-    """Return whether both archives are there, so that debootstrap is not needed."""
+    """Return whether both archives exist, so that debootstrap is not needed."""
     return all(path.exists() for path in _paths(cache_folder()))
 
 
@@ -174,13 +174,13 @@ def _write_system(path: Path) -> None:
 
 
 def pack(folder: Path, path: Path, chosen: Callable[[tarfile.TarInfo], tarfile.TarInfo | None]) -> None:
-    """Write what is chosen of a folder into an archive."""
+    """Write the chosen files of a folder into an archive."""
     with tarfile.open(path, "w") as archive:
         archive.add(folder, arcname="", filter=chosen)
 
 
 def of_system(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """Return all of Debian but caches, logs and manuals."""
+    """Select all of Debian except caches, logs and manuals."""
     return None if _NOT_OF_SYSTEM.fullmatch(member.name) else member
 
 
@@ -188,13 +188,13 @@ def _write_python(path: Path) -> None:
     if sys.version_info[:2] != (3, 12):
         raise InputError("the ROS wheels are for CPython 3.12; run this with python3.12")
     if sys.base_prefix == "/usr":
-        # Its library is spread over the system and made for another release of it.
+        # Its library is spread over the system and built for another release.
         raise InputError("the system's own Python cannot be taken along; use one of pyenv or `uv python install 3.12`")
     pack(Path(sys.base_prefix), path, of_python)
 
 
 def of_python(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
-    """Return the interpreter and its library, as they will stand in /usr/local, owned by root."""
+    """Select the interpreter and its library, placed in /usr/local and owned by root."""
     kept = member.name in ("", "bin") or _OF_PYTHON.fullmatch(member.name)
     if not kept or _NOT_OF_PYTHON.fullmatch(member.name):
         return None

@@ -1,1 +1,1 @@
-"""Judges a run afterwards, from what a recorder at the consumers heard: measures, broken promises, report."""
+"""Judges a run afterwards, from what a recorder at the consumers received: measures, broken promises, report."""

@@ -1,9 +1,8 @@
-"""What an application says of its goals, calls and state, as records of a run. Pure.
+"""What an application reports about its goals, calls and state, as records of a run. Pure.
 
-The account of a client (std_msgs/String with JSON) is `{"goals": [...], "calls": {...}}`: what one client of an action
-and of a service on the robot has heard so far. The account of a node with state is `{"node": NAME, "restored_age_s":
-AGE, "at_s": TIME}`: how old the state was with which it began, null when it began clean, and when it says so (system
-clock).
+A client's account (std_msgs/String with JSON) is `{"goals": [...], "calls": {...}}`: what one client of an action and a
+service on the robot has received so far. The account of a node with state is `{"node": NAME, "restored_age_s": AGE,
+"at_s": TIME}`: how old its initial state was (null when it began clean), and the system time of the report.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from robot_offload_lab.judge.translate import site_of
 
 @dataclass(frozen=True)
 class Topics:
-    """Where an application gives its accounts; empty where it does not.
+    """The topics on which an application publishes its accounts; an empty one: it does not.
 
     Attributes:
-        state: of its drive, see `translate.drive`.
-        account: of a client's goals and calls.
-        restored: of a node with state.
+        state: account of its drive, see `translate.drive`.
+        account: account of a client's goals and calls.
+        restored: account of a node with state.
     """
 
     state: str = ""
@@ -34,19 +33,19 @@ class Topics:
 
 @dataclass(frozen=True)
 class Account:
-    """What a client has heard so far."""
+    """What a client has received so far."""
 
     goals: tuple[Errand, ...]
     calls: Calls
 
     def records(self) -> Iterator[Errand | Calls]:
-        """Yield everything; what is the same as before is for the reader to see."""
+        """Yield everything, unchanged records included."""
         yield from self.goals
         yield self.calls
 
 
 def account(t_s: float, text: str) -> Account | None:
-    """Return the account of a client as it was heard at `t_s`; None when it is none."""
+    """Return the account of a client as received at `t_s`; None when the text is not one."""
     try:
         said = json.loads(text)
         return Account(tuple(_errand(t_s, goal) for goal in said["goals"]), _calls(t_s, said["calls"]))
@@ -80,12 +79,12 @@ def _number(value: Any) -> float | None:
 
 
 def restored(t_s: float, text: str, steady: Callable[[float], float]) -> Restored | None:
-    """Return the account of a node with state as it was heard at `t_s`; None when it is none.
+    """Return the account of a node with state as received at `t_s`; None when the text is not one.
 
     Args:
         t_s: on the steady clock.
         text: the message's.
-        steady: returns a moment of the system clock, in which the account gives its time, on the steady clock.
+        steady: converts system time, in which the account states its time, to the steady clock.
     """
     try:
         said = json.loads(text)

@@ -1,7 +1,7 @@
-"""Whether the computer of a run was too busy to judge time by it. Pure.
+"""Whether the computer of a run was too busy for judging times. Pure.
 
-Both sides, the link between them and the judge run on one computer here, and a robot has its own. Silence, age and what
-was dropped as too old say nothing about the switch where the processes had no processor to be on time with.
+Both sides, the link between them and the judge share one computer here; a robot has its own. Silence, age and messages
+dropped as too old show nothing about the switch if the processes got no processor time.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from robot_offload_lab.judge.invariants import Violation
 from robot_offload_lab.judge.recording import Recording
 
 TIMING: Final = frozenset({"Gap", "GoalGap", "Lost", "Stale"})
-"""Broken promises that a busy computer brings about without us.
+"""Broken promises that a busy computer alone can cause.
 
-`Stale` too: age is counted from the stamp that a node's own thread makes. One that stands still between that and
-publishing says something old, and no agent can know.
+`Stale` too: age is counted from the stamp that a node's own thread makes. A thread that stands still between stamping
+and publishing publishes an old message, and no agent can know.
 """
 STARVED: Final = frozenset({Reason.CONTROL_STARVED, Reason.CLOUD_CONTROL_SILENT})
-"""What an agent says when its own control process, or that of the other side, does not get its processor."""
+"""The reasons that an agent gives when its own control process, or the other side's, gets no processor time."""
 STARVED_CHANGES: Final = 5
-"""Words of that kind in a run: more than any test's killed processes bring about."""
+"""Such changes in a run: more than any test's killed processes cause."""
 BUSY_SHARE: Final = 0.9
 """Share of all cores in use: beyond it each process waits for others."""
 
 
 STOOD_S: Final = 0.1
-"""A computer that leaves a waiting process waiting for longer than a lost heartbeat takes: nobody can be on time."""
+"""A ready process that waits longer than this, more than a lost heartbeat takes, shows that none can be on time."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Computer:
 
     Attributes:
         busy_share: share of all cores that was in use, 0..1; None: not measured.
-        stood_s: the longest time for which a process that only waits was not woken.
+        stood_s: the longest time by which the wake-up of a process that only waits was late.
     """
 
     busy_share: float | None = None
@@ -46,11 +46,11 @@ class Computer:
 
 
 UNKNOWN: Final = Computer()
-"""Nothing was measured: the agents' own words count alone."""
+"""Nothing was measured: only the agents' own reasons count."""
 
 
 def busy(recording: Recording, computer: Computer = UNKNOWN) -> str:
-    """Return a sentence on why time is not judged in a run; "" when it is."""
+    """Return a sentence on why times are not judged in a run; "" when they are."""
     starved = sum(change.reason in STARVED for change in recording.placements)
     found = []
     if starved >= STARVED_CHANGES:
@@ -63,5 +63,5 @@ def busy(recording: Recording, computer: Computer = UNKNOWN) -> str:
 
 
 def counted(found: Iterable[Violation], why_busy: str) -> tuple[Violation, ...]:
-    """Return the violations that count: on a busy computer those of time do not."""
+    """Return the violations that count: on a busy computer those of timing do not."""
     return tuple(each for each in found if not why_busy or each.kind not in TIMING)

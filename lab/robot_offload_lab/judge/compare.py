@@ -31,7 +31,7 @@ FIGURES: Final = (
     ("not_reached", "goals lost or on the way"),
     ("robot_percent", "processor of the robot (%)"),
 )
-"""What the bars are: key and words."""
+"""The bars: key and words."""
 STANDING_MPS: Final = 0.03
 AGENT: Final = "robot-agent"
 
@@ -41,7 +41,7 @@ Mode = str
 def figures(report: Mapping[str, Any], recording: Recording) -> dict[str, float]:
     """Return the figures of one run.
 
-    `robot_percent` is of the application and its agent on the robot, the simulator of an example included.
+    `robot_percent` covers the application and its agent on the robot, including the simulator of an example.
     """
     points = recording.path
     pairs = list(itertools.pairwise(points))
@@ -83,7 +83,7 @@ def lines(found: Mapping[Mode, Mapping[str, float]]) -> Sequence[str]:
 
 
 def picture(recordings: Mapping[Mode, Recording], found: Mapping[Mode, Mapping[str, float]]) -> Figure:
-    """Draw how far each drive came, and a small picture for each figure."""
+    """Draw how far each drive got, and a small picture for each figure."""
     with style():
         figure = Figure(figsize=(10.0, 6.2), layout="constrained")
         grid = figure.add_gridspec(2, len(FIGURES), height_ratios=(3, 2))

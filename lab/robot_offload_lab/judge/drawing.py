@@ -1,7 +1,7 @@
 """What all pictures share: colours, style, and how a figure becomes a file. Without any global state of matplotlib.
 
-Two colours mean the two sides everywhere: orange the robot, blue the cloud (Okabe and Ito's palette, which is distinct
-with every kind of colour vision and in grey). Where it matters a shape or a word says the same.
+Two colours stand for the two sides everywhere: orange for the robot, blue for the cloud (Okabe and Ito's palette, which
+is distinct with every kind of colour vision and in grey). Where it matters a shape or a word repeats the information.
 """
 
 from __future__ import annotations

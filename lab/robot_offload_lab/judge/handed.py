@@ -1,14 +1,14 @@
 """Goals, calls and state in a run: figures, and the promises about them. Pure.
 
 * `GoalLost`: a goal that its client did not cancel succeeds. Not judged where one side was left out on purpose: then
-  nobody can go on with it.
+  no replica can continue it.
 * `GoalTwice`: a goal has one result.
 * `GoalBackwards`: feedback only goes forward.
-* `GoalGap`: feedback is silent no longer than an output may be; the time in which the driver was inhibited is left out.
+* `GoalGap`: feedback is silent no longer than an output may be, not counting time in which the driver was inhibited.
 * `CallLost`: each call of a service is answered.
-* `StateLost`: after a switch the side that takes over begins with the state of the other, which has said before that it
-  acted: a side that never did has none. A loss and a robot that cannot act wait for no state, so what was new then may
-  still be on its way.
+* `StateLost`: after a switch the side that takes over begins with the state of the other side, if a node there has
+  reported that it acted: a side that never acted has none. A loss and a robot that cannot act do not wait for state, so
+  recent state may still be on its way then.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class GoalFigures:
 
     Attributes:
         goal: its number.
-        first, last: the first and the last word about it.
-        until_s: when it ended, or the last word about it, steady clock.
+        first, last: the first and the last report about it.
+        until_s: when it ended, or was last reported, steady clock.
         silence_ms: longest silence of its feedback within the run.
         silent_s: when that silence was reported, steady clock.
-        error_m: largest distance between where the acting replica believed to be and where the robot was; None: not
-            said.
+        error_m: largest distance between the position estimated by the acting replica and the robot's true one; None:
+            not reported.
     """
 
     goal: int
@@ -54,18 +54,18 @@ class GoalFigures:
 
     @property
     def ending(self) -> str:
-        """How it ended, or that it is on the way."""
+        """How it ended, or that it is under way."""
         return self.last.ending or ON_THE_WAY
 
     @property
     def restarts(self) -> int:
-        """How often another replica went on with it."""
+        """How often another replica continued it."""
         return max(0, self.last.servers - 1)
 
 
 @dataclass(frozen=True)
 class Taking:
-    """A switch and the state with which the side began that took over."""
+    """A switch, and the state with which the side that took over began."""
 
     change: PlacementChange
     restored: Restored
@@ -96,15 +96,15 @@ def _error_m(path: Sequence[PathPoint], errand: Errand) -> float | None:
 
 
 def calls(recording: Recording) -> Calls | None:
-    """Return the last word about calls; None: nobody calls."""
+    """Return the last report about calls; None: there are none."""
     return recording.calls[-1] if recording.calls else None
 
 
 def takings(recording: Recording) -> tuple[Taking, ...]:
-    """Return the state with which each side began that took over, where a node says so before the next switch.
+    """Return the state with which each side that took over began, if a node reports it before the next switch.
 
-    What a node said while its side was still getting ready may pass after the switch. It is no witness of the stay: the
-    node may have been given the state since.
+    A report that a node sent while its side was still getting ready may arrive after the switch. It does not count for
+    the stay: the node may have received the state since.
     """
     found = []
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
@@ -119,14 +119,14 @@ def takings(recording: Recording) -> tuple[Taking, ...]:
 
 
 def _begun_s(restored: Restored, change: PlacementChange) -> float:
-    """Return when a word was said; one without a time counts as said in the stay in which it was heard."""
+    """Return when a report was made; one without a time counts as made in the stay in which it was received."""
     if restored.made_s is not None:
         return restored.made_s
     return restored.t_s + _ANNOUNCED_S if restored.t_s < change.t_s else restored.t_s
 
 
 def _passed_s(recording: Recording, change: PlacementChange, last_s: float) -> float:
-    """Return when a side first passed in a stay: the announcement comes a little before or after the messages.
+    """Return when a side's first message passed in a stay; the announcement comes a little before or after it.
 
     Args:
         recording: of the run.
@@ -174,9 +174,9 @@ def broken(
 
 
 def _had_state(recording: Recording, change: PlacementChange) -> bool:
-    """Return whether a node of the other side had said before a switch that it acted, so that it had state."""
+    """Return whether a node of the other side had reported before a switch that it acted, so that it had state."""
     waits = _REASONS.get(change.reason) not in (Kind.LIMIT, Kind.NEED)
-    by_s = change.t_s if waits else change.t_s - SNAPSHOT_RESEND_S  # what was lost on its way is said again then
+    by_s = change.t_s if waits else change.t_s - SNAPSHOT_RESEND_S  # a lost snapshot is sent again then
     return any(it.site != change.site and it.t_s < by_s for it in recording.restored)
 
 

@@ -1,13 +1,13 @@
 """Whether a side was heard while the other one was in charge: the messages of one output, the announcements. Pure.
 
-What nobody is blamed for:
+What is not counted:
 
 * the old side passes until the first message of the new side (make before break);
-* an announcement may lag behind the collector, as long as only the side that it names is heard until it comes: by
-  `ANNOUNCEMENT_LAG_S`, and for the robot by as long as control stands still, because the collector passes it then;
+* an announcement may lag behind the collector, if only the side that it names is heard until it comes: the cloud's by
+  `ANNOUNCEMENT_LAG_S`, the robot's for as long as control stands still, because the collector passes the robot then;
 * a preparation whose end is not announced in time: the collector has changed over, and control stood still just then,
-  or had just called it off. The side that got ready is heard once in between, and the other one again when a lease is
-  over or the next epoch begins.
+  or had just cancelled it. The side that got ready is heard once in between; the other side is heard again when a lease
+  ends or the next epoch begins.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from robot_offload_core.words.decided import Phase
 from robot_offload_lab.judge.recording import Arrival, PlacementChange, Site
 
 ANNOUNCEMENT_LAG_S: Final = 0.3
-"""How late the announcement of the cloud may be against the messages that pass the collector: a lease (250 ms by
-default), because control that is silent for longer makes the collector pass the robot only, and its way to us."""
+"""How much later than its messages the announcement of the cloud may come: a lease (250 ms by default), because after
+a longer silence of control the collector passes the robot only, plus the announcement's way to the recorder."""
 _PREPARES: Final = frozenset({Phase.TO_CLOUD, Phase.TO_ROBOT})
 
 
 @dataclass(frozen=True)
 class Interleaving:
-    """The messages of the other side that passed in one stay after its own side had begun.
+    """The messages of the other side that passed in one stay after the stay's own side had begun.
 
     Attributes:
         stay: the announcement with which the stay began.
-        begun: the message of the stay's side that they came after, its first.
-        heard: of the other side.
+        begun: the first message of the stay's side.
+        heard: the later messages of the other side.
     """
 
     stay: PlacementChange
@@ -43,7 +43,7 @@ class Interleaving:
 
 @dataclass
 class _Preparation:
-    """From its announcement to that of what came of it; `site` gets ready and may pass once: `passed`, then `over`."""
+    """From its announcement to that of its outcome; `site` gets ready and may pass once: `passed`, then `over`."""
 
     site: Site
     start_s: float
@@ -52,7 +52,7 @@ class _Preparation:
     over: bool = False
 
     def excuses(self, arrival: Arrival) -> bool:
-        """Take a message of the side that is not in charge; return whether it may be one of this preparation."""
+        """Take a message of the side that is not in charge; return whether this preparation can explain it."""
         within = self.start_s <= arrival.t_s <= self.end_s + ANNOUNCEMENT_LAG_S
         if self.over or arrival.site != self.site or not within:
             return False
@@ -62,7 +62,7 @@ class _Preparation:
 
 @dataclass
 class _Listener:
-    """What is known while the messages are read; `begun`, `heard`: by the index of a stay's first announcement."""
+    """The messages read so far; `begun` and `heard` are keyed by the index of a stay's first announcement."""
 
     arrivals: Sequence[Arrival]
     placements: Sequence[PlacementChange]
@@ -71,7 +71,7 @@ class _Listener:
     heard: dict[int, list[Arrival]] = field(default_factory=dict)
 
     def hear(self, arrival: Arrival, index: int) -> None:
-        """Judge a message; `index`: of the newest announcement when it passed."""
+        """Judge a message; `index` is that of the newest announcement when it passed."""
         stay = _stay(self.placements, index)
         if arrival.site == self.placements[stay].site:
             self.begun.setdefault(stay, arrival)
@@ -87,7 +87,7 @@ class _Listener:
             self.heard.setdefault(stay, []).append(arrival)
 
     def _announced(self, arrival: Arrival, index: int) -> int | None:
-        """Return which announcement of its side follows in time, if only that side is heard until then."""
+        """Return the index of the next announcement of its side, if in time and only that side is heard until then."""
         following = range(index + 1, len(self.placements))
         announced = next((i for i in following if self.placements[i].site == arrival.site), None)
         if announced is None:
@@ -100,7 +100,7 @@ class _Listener:
 
 
 def interleavings(arrivals: Sequence[Arrival], placements: Sequence[PlacementChange]) -> Iterator[Interleaving]:
-    """Yield one for each stay in which the other side was heard after the one in charge had begun.
+    """Yield one for each stay in which the other side was heard after the side in charge had begun.
 
     Args:
         arrivals: of one output, in the order of time.
@@ -125,7 +125,7 @@ def _stay(placements: Sequence[PlacementChange], index: int) -> int:
 
 
 def _preparations(placements: Sequence[PlacementChange]) -> list[_Preparation]:
-    """Return the preparations after which another epoch was named, or by another control."""
+    """Return the preparations after which a higher epoch or another control was announced."""
     found = []
     prepared: PlacementChange | None = None
     for before, change in itertools.pairwise(placements):

@@ -5,7 +5,7 @@ reported beside them: they depend on the application too. Each violation is a se
 
 * `Duplicate`: no message passes twice.
 * `Reordered`: the messages of one replica pass in their order.
-* `Interleaved`: a side that is not in charge is not heard; `interleaving` says what nobody is blamed for.
+* `Interleaved`: a side that is not in charge is not heard; `interleaving` lists what is not counted.
 * `Stale`: nothing from the cloud passes that is older than maxCommandAge. What the robot's own replica publishes never
   crosses the link; its delays are counted in the report, and a long one is a `Gap`.
 * `Gap`: no silence is longer than lossTimeout + activationDeadline + the slower period + 200 ms, not counting the
@@ -14,11 +14,11 @@ reported beside them: they depend on the application too. Each violation is a se
 * `Lost`: a commanded switch over a good link loses nothing from the cloud (what the robot's own replica loses on the
   robot is counted in the report). Not judged when the switch was commanded because the agents found the loop too slow:
   a busy computer delays like a bad link, and what is too old must not pass.
-* `Unused`: the cloud acts at some time unless the link forbids that. An input that nobody publishes, another type, or
-  a replica that does not get ready are mistakes of the specification, and the sentence of the agent names the culprit.
+* `Unused`: the cloud acts at some time unless the link forbids that. An input without a publisher, another type, or a
+  replica that does not get ready are mistakes of the specification; the agent's message names the culprit.
 * `Epoch`: every change of the side in charge has a higher epoch.
 
-What is promised about goals, calls and state stands in `handed`.
+The promises about goals, calls and state are in `handed`.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from robot_offload_lab.judge.streams import Gap, Stream
 OFFLOAD = "offload"
 """The mode in which the agents may use both sides."""
 GAP_MARGIN_MS = 200.0
-"""For what a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
+"""What a busy computer adds to the sum of the declared times: scheduling, the middleware, the recorder itself."""
 
 MISTAKES = frozenset({
     Reason.INPUT_STALE, Reason.CONFIGURATION_DIFFERS, Reason.INPUTS_DIFFER,
     Reason.CLOUD_NOT_READY, Reason.TYPES_DIFFER, Reason.SECOND_PUBLISHER,
     Reason.UNDECLARED_PUBLISHER, Reason.SECOND_LIFECYCLE_MANAGER, Reason.REPLICA_PARAMETERS_DIFFER,
 })  # fmt: skip
-"""Reasons against the cloud that no link explains."""
+"""Reasons against the cloud that the link cannot explain."""
 LEAST_RUN_S = 10.0
-"""A shorter run proves nothing about what is never used."""
+"""A shorter run does not prove that a side is never used."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Violation:
 
     Attributes:
         t_s: when, counted from the start of the run.
-        kind: one word, see the module.
+        kind: one word, see the list at the top of the module.
         text: a sentence with time and figures.
     """
 
@@ -226,9 +226,9 @@ def _epochs(measures: Measures) -> Iterator[Violation]:
 
 
 def _unused(measures: Measures) -> Iterator[Violation]:
-    """Yield what kept the cloud out for the whole run when that is a mistake of the specification.
+    """Yield what kept the cloud out for the whole run if that is a mistake of the specification.
 
-    An input that was heard for a while and grew old on the way is a matter of the link.
+    An input that was received for a while and then grew old on the way is a matter of the link.
     """
     placements = measures.recording.placements
     if measures.recording.run.mode != OFFLOAD or measures.duration_s < LEAST_RUN_S or not placements:

@@ -1,4 +1,4 @@
-"""Records as lines of JSON: one object a line, whose `kind` says which dataclass it is. Pure."""
+"""Records as lines of JSON: one object a line, whose `kind` names its dataclass. Pure."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Lines(Generic[R]):
         """Return the record of one line.
 
         Raises:
-            ValueError: the message says what is wrong with the line.
+            ValueError: the message states what is wrong with the line.
         """
         try:
             values: Any = json.loads(line)
@@ -56,7 +56,7 @@ class Lines(Generic[R]):
 
 
 def _problem(kind: str, detail: ErrorDetails) -> str:
-    """Return what is wrong with a line of a kind, in words."""
+    """Return in words what is wrong with a line of a kind."""
     field = ".".join(map(str, detail["loc"]))
     if detail["type"] == _MISSING:
         return f"lacks the field {field} of kind {kind}"

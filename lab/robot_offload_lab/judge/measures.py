@@ -1,4 +1,4 @@
-"""Every figure of a run, from a recording made at the consumer. Pure; what is a violation is in `invariants`.
+"""Every figure of a run, from a recording made at the consumer. Pure; violations are defined in `invariants`.
 
 Definitions beyond those of `streams`:
 
@@ -20,7 +20,7 @@ from robot_offload_lab.judge.recording import SITES, Arrival, LinkSample, Placem
 from robot_offload_lab.judge.streams import Stream, examine, quantile
 
 SWITCH_WINDOW_S = 0.5
-"""Half the window around a switch in which its gap, losses and duplicates are looked for."""
+"""Half the window around a switch in which its gap, losses and duplicates are counted."""
 FALSE_ALARM_S = 1.0
 """A link that was good for this long gave no cause for an alarm."""
 
@@ -44,7 +44,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Switch:
-    """One change of the side in charge, with what the consumers felt of it.
+    """One change of the side in charge, and its effect on the consumers.
 
     Attributes:
         t_s: when it was announced (steady clock).
@@ -65,7 +65,7 @@ class Switch:
 
     @property
     def commanded(self) -> bool:
-        """Whether it was a decision on a living link, not the answer to a loss."""
+        """Whether it was decided over a working link, not in answer to a loss."""
         return self.change.detect_ms is None
 
 
@@ -78,7 +78,7 @@ class Measures:
         stays: who was in charge when, by the announcements.
         placement_share: of the time with a known placement; empty without one.
         good_s: how long the link was good.
-        cloud_share_of_good_time: None when the link was never good or nothing is known.
+        cloud_share_of_good_time: None when the link was never good or no placement is known.
         messages_passed: by side, of all outputs.
         alarms, false_alarms: of the robot's detector.
         outages: when the link was cut.
@@ -98,7 +98,7 @@ class Measures:
 
     @property
     def duration_s(self) -> float:
-        """How long the run took."""
+        """How long the run lasted."""
         return self.recording.end_s - self.recording.run.start_s
 
 
@@ -142,7 +142,7 @@ def link_was_good(recording: Recording, start_s: float, end_s: float) -> bool:
 
 
 def median_period_ms(stream: Stream) -> float | None:
-    """Return the usual distance of two messages of an output."""
+    """Return the median time between two messages of an output."""
     return quantile([gap.length_ms for gap in stream.gaps if gap.after is not None], 0.5)
 
 
@@ -165,7 +165,7 @@ def _switches(recording: Recording, streams: Mapping[str, Stream]) -> Iterator[S
 
 
 def _departures(recording: Recording) -> dict[Site, list[float]]:
-    """Return by side, when the other side was announced to be in charge."""
+    """Return for each side when the other side was announced to be in charge."""
     found: dict[Site, list[float]] = {site: [] for site in SITES}
     for before, change in itertools.pairwise(recording.placements):
         if before.site != change.site:
@@ -187,7 +187,7 @@ def _count(arrivals: Iterable[Arrival], window: Interval) -> int:
 
 
 def _stays(recording: Recording) -> Iterator[tuple[Site, Interval]]:
-    """Yield who was in charge when, from the first announcement to the end; neighbours of one side are joined."""
+    """Yield each side's stays in charge, from the first announcement to the end; adjacent ones are joined."""
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     start_s, end_s = recording.run.start_s, recording.end_s
     site: Site | None = None

@@ -1,4 +1,4 @@
-"""Why the robot acted, moment by moment, as words on a time line. Pure but for the drawing."""
+"""Why the robot acted, moment by moment, as words on a time line. Pure except for the drawing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Stretch = tuple[float, float, str]
 
 
 def of_robot(recording: Recording) -> tuple[Stretch, ...]:
-    """Return from when to when (steady clock) the robot acted for which reason, in words; neighbours are joined."""
+    """Return when (steady clock) and why (in words) the robot acted; adjacent stretches of one reason are joined."""
     changes = [change for change in recording.placements if change.t_s <= recording.end_s]
     found: list[Stretch] = []
     for index, change in enumerate(changes):

@@ -54,8 +54,8 @@ ATTEND_S = 0.02
 RESOLVE_S = 0.25
 MEMORY_S = 2.0
 _STATES = PlacementChange | NetworkStatus | Inhibit | Restored
-"""What holds until it changes, so that the recording begins with it."""
-"""How long records are kept before the start: the word that it has started comes a little later."""
+"""Records that hold until the next of their kind; the recording begins with them."""
+"""How long records are kept before the start: the command `start` comes a little later."""
 LATCHED = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 OUTPUT = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 
@@ -66,7 +66,7 @@ class ConsumerRecorder:
     def __init__(
         self, path: Path, topics: dict[str, str], schedule: Schedule | None, commands: int, said: accounts.Topics
     ) -> None:
-        """Subscribe to everything that is known already.
+        """Subscribe to everything whose type is known already.
 
         Args:
             path: the recording, written from the start on.
@@ -114,7 +114,7 @@ class ConsumerRecorder:
     # -- what is heard ------------------------------------------------------------------------------------------------
 
     def _resolve(self) -> None:
-        """Subscribe to the outputs whose types are known by now."""
+        """Subscribe to the outputs whose types have become known."""
         for topic, declared in list(self._unresolved.items()):
             found = {info.topic_type for info in self._node.get_publishers_info_by_topic(topic)}
             name = declared or (found.pop() if len(found) == 1 else "")
@@ -153,10 +153,10 @@ class ConsumerRecorder:
         self._take(t_s, NetworkStatus(t_s, "robot", message.data == 1))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Take what the start waits for and the live view shows; no figure of the report comes from the agents."""
+        """Take what the start waits for and the live view shows; the report has no figures from the agents."""
         found = {status.name.removeprefix(DIAGNOSTICS): status for status in message.status}
         if "link" not in found:
-            return  # somebody else's
+            return  # another program's
         measured = {pair.key: pair.value for pair in found["link"].values}
         nodes = {name[5:]: status.message for name, status in found.items() if name.startswith("node ")}
         self._tell({"agents": {"round_trip_p50_ms": measured.get("round_trip_p50_ms", ""), "nodes": nodes}})
@@ -200,7 +200,7 @@ class ConsumerRecorder:
 
     @staticmethod
     def _say(line: str) -> None:
-        """Send to the live view; what finds no room is left out, so that the recording is never held up."""
+        """Send to the live view; drop what finds no room, so that the recording is never held up."""
         data = line.encode() + b"\n"
         if len(data) <= select.PIPE_BUF:  # such a write is all or nothing
             with suppress(OSError):
@@ -209,7 +209,7 @@ class ConsumerRecorder:
     # -- commands -----------------------------------------------------------------------------------------------------
 
     def _read(self, commands: int) -> None:
-        """Run in its own thread, because reading waits."""
+        """Read commands, in a thread of its own because reading blocks."""
         with open(commands, encoding="utf-8") as lines:
             for line in lines:
                 self._commands.put(json.loads(line))
@@ -280,7 +280,7 @@ def message_class(name: str) -> Any:
 
 
 def _received_s(info: Any) -> float:
-    """Return when the middleware received a message, on the steady clock: it does not wait for this process's turn."""
+    """Return when the middleware received a message, on the steady clock: earlier than this process is scheduled."""
     return _steady(info["received_timestamp"] / 1e9)
 
 
@@ -312,7 +312,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     topics = dict(text.partition("=")[::2] for text in options.topic)
     schedule = LinkOptions.from_dict(json.loads(options.link)).schedule() if options.link else None
     os.set_blocking(sys.stdout.fileno(), False)
-    # Own handlers: with those of rclpy the context can vanish under a callback.
+    # Own handlers: with rclpy's the context can vanish during a callback.
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     said = accounts.Topics(state=options.state, account=options.account, restored=options.restored)
     recorder = ConsumerRecorder(options.output, topics, schedule, sys.stdin.fileno(), said)

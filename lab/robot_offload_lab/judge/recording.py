@@ -1,6 +1,6 @@
 """What a recorder at the consumer saw of one run: one JSON object per line, written while the run goes on.
 
-The first line is the run's own (`kind: run`), the others may come in any order within their kind's time. All times
+The first line describes the run (`kind: run`); the others come in any order, by time within each kind. All times
 are seconds of one host's steady clock (CLOCK_BOOTTIME); the report counts from `RunInfo.start_s`. Reading and
 writing of lines is pure; `read` and `RecordingWriter` are the only ones that touch files.
 """
@@ -28,15 +28,15 @@ class RunInfo(Record):
 
     Attributes:
         mode: what was run, e.g. `offload`, `robot-only`, `cloud-only`.
-        seed: of everything random in the run.
+        seed: seed of everything random in the run.
         start_s: steady clock at the moment that the report calls 0.
         max_command_age_ms, loss_timeout_ms, activation_deadline_ms: `spec.switching` of the run.
         robot_period_ms, cloud_period_ms: `spec.switching.latency` of the run.
         threshold_ms: loop latency up to which the cloud is worth it; a link below it is called good.
         corridor_length_m, corridor_width_m: of the drive: x runs from 0 to the length, y = 0 is the middle line;
             0 when there is no account of a drive.
-        silent: outputs whose silence is no fault: those of `unrated`, and those that are judged only at times.
-        unrated: outputs that are published when there is something to say.
+        silent: outputs that may be silent: those of `unrated`, and those that are judged only at times.
+        unrated: outputs that are published only on occasion.
         walls: of the drive, seen from above: x and y of both ends; empty: a corridor.
     """
 
@@ -57,7 +57,7 @@ class RunInfo(Record):
 
 
 def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunInfo:
-    """Return the setting of a run of this specification; the others as in `RunInfo`."""
+    """Return the setting of a run of this specification; the other arguments as in `RunInfo`."""
     switching = spec.switching
     return RunInfo(
         mode=mode,
@@ -75,29 +75,29 @@ def of_run(spec: RobotOffloadSpec, mode: str, seed: int, start_s: float) -> RunI
 
 
 def unrated(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Return the outputs that are published when there is something to say."""
+    """Return the outputs that are published only on occasion."""
     return tuple(output.topic for _, output in spec.collected_outputs if output.rate_hz is None)
 
 
 def silent_at_times(spec: RobotOffloadSpec) -> tuple[str, ...]:
-    """Return the outputs whose silence is no fault: without a rate, or judged only while something is done."""
+    """Return the outputs that may be silent: without a rate, or judged only while something is done."""
     outputs = [output for _, output in spec.collected_outputs]
     return tuple(output.topic for output in outputs if output.rate_hz is None or output.while_ is not None)
 
 
 @dataclass(frozen=True)
 class Arrival(Record):
-    """One message of a collected output as the consumer got it.
+    """One message of a collected output as the consumer received it.
 
     Attributes:
         topic: the public topic.
         t_s: when it arrived.
         producer: the replica that made it, e.g. `remote_controller`.
-        sequence: its number by that replica, growing by one.
+        sequence: the replica's number for it, increasing by one.
         sent_t_s: when the replica published it.
         site: the side of that replica.
         passed_t_s: when it was published on the public topic, as the middleware stamped it; None: not known.
-        named: the message itself states producer, sequence and time; else the recorder has put its own in their place.
+        named: the message itself states producer, sequence and time; else the recorder has filled in its own.
     """
 
     topic: str
@@ -111,7 +111,7 @@ class Arrival(Record):
 
     @property
     def age_s(self) -> float:
-        """The age when the message passed to the consumers, or, if that is not known, when it arrived."""
+        """The age when the message passed to the consumers, or, if unknown, when it arrived."""
         return (self.t_s if self.passed_t_s is None else self.passed_t_s) - self.sent_t_s
 
 
@@ -122,13 +122,13 @@ class PlacementChange(Record):
     Attributes:
         t_s: when it was announced.
         site: the side in charge from now on.
-        epoch: grows with every changeover.
+        epoch: increases with every changeover.
         reason: one word, e.g. `HeartbeatLost`.
         message: a sentence for people.
         detect_ms: from the last good heartbeat to the decision; None when the switch was commanded.
         phase: of the placement machine, e.g. `ToRobot`.
-        since_s: since when the side is in charge, by the robot's control process; None: not known.
-        control: the incarnation of that control process; epochs of two do not compare.
+        since_s: since when the side is in charge, according to the robot's control process; None: not known.
+        control: the incarnation of that control process; epochs of different ones cannot be compared.
     """
 
     t_s: float
@@ -149,7 +149,7 @@ class PlacementChange(Record):
 
 @dataclass(frozen=True)
 class LinkSample(Record):
-    """What the link did at a moment, by its schedule: the round trip of a packet sent then; None = cut."""
+    """The link at a moment, by its schedule: the round trip of a packet sent then; None = cut."""
 
     t_s: float
     rtt_ms: float | None
@@ -196,16 +196,16 @@ class Errand(Record):
     """A goal of an action, as its client on the robot knows it.
 
     Attributes:
-        t_s: when the client said so; it says it again some times a second.
+        t_s: when the client reported it; it repeats that several times a second.
         goal: its number, from 1.
-        ending: succeeded, canceled, aborted, rejected; empty while it is on the way.
+        ending: succeeded, canceled, aborted, rejected; empty while it is under way.
         accepted_ms: how long its acceptance took; None while it is not accepted.
         feedback: messages so far.
-        servers: how often another replica went on with it, the first one included.
-        backwards: feedback out of order so far.
-        silence_ms: longest silence of its feedback since the client said so before.
-        results: how many came.
-        x_m, y_m: where the replica that drives believes to be; None: not said.
+        servers: how many times a replica began or continued it.
+        backwards: feedback messages out of order so far.
+        silence_ms: longest silence of its feedback since the client's previous report.
+        results: how many arrived.
+        x_m, y_m: position estimated by the replica that drives; None: not reported.
     """
 
     t_s: float
@@ -223,7 +223,7 @@ class Errand(Record):
 
 @dataclass(frozen=True)
 class Calls(Record):
-    """Calls of a service by a client on the robot so far: answers with and without success, and none at all."""
+    """A client's service calls on the robot so far: answered with success, without it, and not at all."""
 
     t_s: float
     asked: int
@@ -235,13 +235,13 @@ class Calls(Record):
 
 @dataclass(frozen=True)
 class Restored(Record):
-    """With which state the acting replica of a node has begun.
+    """The state with which the acting replica of a node began.
 
     Attributes:
         node: the replica, e.g. `remote_localiser`.
         site: its side.
-        age_s: of that state, when the replica took it; None: the replica began clean.
-        made_s: when the replica said so, before the message passed to us at `t_s`; None: not known.
+        age_s: age of that state when the replica took it; None: the replica began clean.
+        made_s: when the replica reported it, before the message reached us at `t_s`; None: not known.
     """
 
     t_s: float
@@ -253,12 +253,12 @@ class Restored(Record):
 
 @dataclass(frozen=True)
 class Ending(Record):
-    """How it ended; what comes later is not judged. Without an account of the drive there is only an end.
+    """How the run ended; what comes later is not judged. Without an account of the drive there is only `t_s`.
 
     Attributes:
         t_s: the end of the run.
         collisions: of the robot with walls or obstacles.
-        stops: standstills that the driver's time-out or the inhibit service forced.
+        stops: standstills forced by the driver's time-out or the inhibit service.
         goal_reached: whether the robot is at its goal.
     """
 
@@ -310,7 +310,7 @@ class Recording:
 
     @property
     def end_s(self) -> float:
-        """The end of the run, or else the last thing that was seen."""
+        """The end of the run, or the time of the last record."""
         if self.outcome is not None:
             return self.outcome.t_s
         seen = [arrival.t_s for arrivals in self.outputs.values() for arrival in arrivals]
@@ -321,10 +321,10 @@ class Recording:
 
 
 def parse(lines: Iterable[str], source: str) -> Recording:
-    """Return a recording from its lines. An unfinished last line (the recorder was killed) is left out.
+    """Return a recording from its lines. An unfinished last line (the recorder was killed) is ignored.
 
     Raises:
-        RecordingError: naming `source` and the line.
+        RecordingError: names `source` and the line.
     """
     records: list[Record] = []
     for number, line in enumerate(lines, start=1):
@@ -376,7 +376,7 @@ def read(path: Path) -> Recording:
     """Return the recording in a file.
 
     Raises:
-        RecordingError: it cannot be read or is no recording.
+        RecordingError: the file cannot be read or is not a recording.
     """
     try:
         with path.open(encoding="utf-8") as lines:
@@ -386,7 +386,7 @@ def read(path: Path) -> Recording:
 
 
 class RecordingWriter:
-    """Appends records to a stream, a line each, so that a killed recorder leaves all that it saw."""
+    """Appends records to a stream, a line each, so that a killed recorder leaves everything it received."""
 
     def __init__(self, stream: TextIO, run: RunInfo) -> None:
         self._stream = stream

@@ -1,7 +1,7 @@
 """From a recording to `report.json`, a self-contained `report.html` and `run.png`.
 
-`build` and `html` are pure; `write` is the shell around them. The keys of report.json are a promise to scripts: they
-are only added to, and `schema` changes when one changes its meaning. Times are seconds from the start of the run.
+`build` and `html` are pure; `write` is the shell around them. Scripts may rely on the keys of report.json: keys are
+only added, and `schema` changes when one changes its meaning. Times are seconds from the start of the run.
 """
 
 from __future__ import annotations

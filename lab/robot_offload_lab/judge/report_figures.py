@@ -32,7 +32,7 @@ _TITLES: Final = (
 MAX_BAR: Final = 0.5
 """Widest bar, as a share of the distance of two switches."""
 MAX_LABELS: Final = 20
-"""More labels than this beside each other cannot be read."""
+"""More labels than this side by side cannot be read."""
 
 
 def link_and_placement(measures: Measures) -> Figure:
@@ -169,7 +169,7 @@ def _draw_goals(axes: Axes, measures: Measures) -> list[str]:
 
 
 def _band(site: Site) -> tuple[float, float]:
-    """Return lower edge and height of a side's lane."""
+    """Return the lower edge and height of a side's lane."""
     return (SITES.index(site) + 0.1, 0.8)
 
 
@@ -228,7 +228,7 @@ def draw_gaps(axes: Axes, measures: Measures) -> None:
 
 
 def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Draw a legend in one row above the picture, where it hides nothing; the left is for a title."""
+    """Draw a legend in one row above the picture, where it hides nothing; the left is left for a title."""
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=len(handles), fontsize=8)
 
 
@@ -271,7 +271,7 @@ def draw_path(axes: Axes, measures: Measures) -> None:
 
 
 def _path_height(measures: Measures) -> float:
-    """Return the height of that picture, as a share: rooms are drawn to scale, a corridor is stretched."""
+    """Return the height of the path picture, as a share: rooms are drawn to scale, a corridor is stretched."""
     return 5.4 if measures.recording.run.walls else 2.4
 
 

@@ -1,4 +1,4 @@
-"""What can be said about one output from its arrivals alone: gaps, duplicates, reordering, losses, age.
+"""What the arrivals of one output show by themselves: gaps, duplicates, reordering, losses, age.
 
 Pure. Definitions, as the report and the benchmarks use them:
 
@@ -9,12 +9,13 @@ Pure. Definitions, as the report and the benchmarks use them:
 * lost: sequence numbers missing between the first and the last message of a stay. What a replica publishes while it
   is not in charge is not lost;
 * stale: older than `maxCommandAge` when it passed to the consumers, by the time at which its replica published it;
-* gap: the time between two consecutive arrivals, whoever made them.
+* gap: the time between two consecutive arrivals of any producers.
 
-A message that does not name itself has only a time of arrival: of an output with such messages only gaps are known.
+A message that does not state its producer has only a time of arrival: for an output with such messages only gaps are
+known.
 
-A producer that starts again counts from the beginning: a lower sequence that was published *later* than the highest
-one opens a new life of that producer instead of being called reordered.
+A restarted producer counts from the beginning: a lower sequence that was published *later* than the highest one opens a
+new life of that producer instead of counting as reordered.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Hole:
-    """Missing sequence numbers within a stay of `site`; `t_s` is the arrival of the next message that came."""
+    """Missing sequence numbers within a stay of `site`; `t_s` is the arrival of the next message."""
 
     t_s: float
     count: int
@@ -60,7 +61,7 @@ class Hole:
 
 @dataclass(frozen=True)
 class Stream:
-    """The arrivals of one output with all that was found in them."""
+    """The arrivals of one output with everything found in them."""
 
     topic: str
     arrivals: tuple[Arrival, ...]
@@ -72,12 +73,12 @@ class Stream:
 
     @property
     def known(self) -> bool:
-        """Duplicates, losses, order and age were measured: every message names itself."""
+        """Whether duplicates, losses, order and age were measured: every message states its producer."""
         return all(arrival.named for arrival in self.arrivals)
 
     @property
     def lost(self) -> int:
-        """Messages lost in all stays together."""
+        """Number of messages lost in all stays."""
         return sum(hole.count for hole in self.holes)
 
 
@@ -93,9 +94,9 @@ def examine(
     Args:
         topic: the output.
         arrivals: in the order of arrival.
-        end_s: what comes later is left out.
+        end_s: later arrivals are left out.
         max_age_ms: an older message is stale.
-        departures: by side, when the other side was announced to be in charge, ascending.
+        departures: for each side, the ascending times when the other side was announced to be in charge.
     """
     seen = tuple(arrival for arrival in arrivals if arrival.t_s <= end_s)
     lives = _lives(seen)
@@ -182,7 +183,7 @@ def _holes(stay: Sequence[Arrival]) -> list[Hole]:
 
 
 def _gaps(arrivals: Sequence[Arrival], end_s: float) -> tuple[Gap, ...]:
-    """Return every silence, the one from the last arrival to the end included."""
+    """Return every silence, including that from the last arrival to the end."""
     gaps = [Gap(before, after, after.t_s) for before, after in itertools.pairwise(arrivals)]
     if arrivals:
         gaps.append(Gap(arrivals[-1], None, end_s))

@@ -1,6 +1,6 @@
-"""From what a consumer hears in ROS to the records of a run. Pure: no ROS, no clock.
+"""From what a consumer receives in ROS to the records of a run. Pure: no ROS, no clock.
 
-Messages name who made them. A stamped one carries `PRODUCER#SEQUENCE` in `header.frame_id` and its time of making in
+Messages name their producer. A stamped one carries `PRODUCER#SEQUENCE` in `header.frame_id` and its production time in
 `header.stamp`; a text reads `hello SEQUENCE from PRODUCER`. Of other messages only the times of arrival can be judged.
 """
 
@@ -18,9 +18,9 @@ from robot_offload_lab.judge.recording import Arrival, Inhibit, LinkSample, Obst
 from robot_offload_lab.wire.schedule import Schedule
 
 LINK_SAMPLE_S: Final = 0.05
-"""How closely the link's schedule is written down, besides the beginnings and ends of its phases."""
+"""Interval at which the link's schedule is recorded, besides the beginnings and ends of its phases."""
 _EDGE_S: Final = 1e-6
-"""A moment after an edge it is clear on which side of the edge we are."""
+"""This long after an edge it is clear which phase holds."""
 _STAMPED: Final = re.compile(r"(?P<producer>[A-Za-z_][A-Za-z0-9_]*)#(?P<sequence>\d{1,15})")
 _TEXT: Final = re.compile(r"hello (?P<sequence>\d{1,15}) from (?P<producer>[A-Za-z_][A-Za-z0-9_]*)")
 
@@ -32,7 +32,7 @@ class Arrivals:
     Attributes:
         topic: the public topic.
         acting: the side that is announced to be in charge; the site of messages that do not name theirs.
-        unknown: messages without an identity so far.
+        unknown: number of messages without an identity so far.
     """
 
     topic: str
@@ -42,10 +42,10 @@ class Arrivals:
     _last_s: float = -math.inf
 
     def delivered_s(self, received_s: float) -> float:
-        """Return when a message was delivered that was received then.
+        """Return when a message received then was delivered.
 
-        A reliable reader hands messages over in the order of their writer. A message that was lost on the way and sent
-        again is received after its successors, which wait for it: they are delivered with it, not before it.
+        A reliable reader hands messages over in the writer's order. A message that was lost and sent again is received
+        after its successors, which wait for it: they are delivered with it, not before it.
         """
         self._last_s = max(self._last_s, received_s)
         return self._last_s
@@ -59,10 +59,10 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer), passed_s)
 
     def text(self, t_s: float, text: str) -> Arrival:
-        """Return a text. It carries no time of making: it counts as made when it was first heard.
+        """Return a text. It carries no production time: it counts as made when it was first received.
 
-        Without a time a repeated message and a producer that counts anew differ only in how far the count falls
-        back: to less than half is taken for a restart.
+        Without a time a repeated message and a restarted producer differ only in how far the count falls back: to less
+        than half is taken for a restart.
         """
         match = _TEXT.fullmatch(text)
         if match is None:
@@ -75,13 +75,13 @@ class Arrivals:
         return Arrival(self.topic, t_s, producer, sequence, made_s, site_of(producer))
 
     def other(self, t_s: float) -> Arrival:
-        """Return a message that does not name who made it."""
+        """Return a message that does not name its producer."""
         self.unknown += 1
         return Arrival(self.topic, t_s, self.acting, self.unknown, t_s, self.acting, named=False)
 
 
 def site_of(producer: str) -> Site:
-    """Return the side of a replica: those of the cloud are called remote_NAME."""
+    """Return the side of a replica: those in the cloud are called remote_NAME."""
     return "cloud" if producer.startswith(REMOTE_PREFIX) else "robot"
 
 
@@ -113,7 +113,7 @@ class Drive:
         t_s: when it was heard.
         inhibited: the driver holds the wheels.
         stops: forced standstills.
-        collisions: with walls and obstacles; both so far.
+        collisions: with walls and obstacles; like stops, so far.
         obstacles: seen so far.
         walls: x and y of both ends of each, where there is more than a corridor.
     """
@@ -143,7 +143,7 @@ class Drive:
 
 
 def drive(t_s: float, text: str) -> Drive | None:
-    """Return the account as published; None when it is none."""
+    """Return the account as published; None when the text is not one."""
     try:
         said: Mapping[str, Any] = json.loads(text)
         corridor = said["corridor"]

@@ -1,4 +1,4 @@
-"""What a run without a broken promise does not show, because it was not tried or not measured. Pure."""
+"""What a run without a broken promise does not prove, because it was not tried or not measured. Pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_offload_lab.judge.invariants import OFFLOAD
 
 
 def untried(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each promise of which a run without a violation shows nothing."""
+    """Yield a sentence for each promise about which a run without a violation proves nothing."""
     if report["busy"]:
         yield f"{report['busy']}; {_excused(report['excused'])}. Close other programs, or run it on a faster one"
     for topic, output in report["outputs"].items():

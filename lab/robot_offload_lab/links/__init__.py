@@ -1,1 +1,1 @@
-"""Links over time, recorded or made up: round-trip times by the second, losses among them."""
+"""Links over time, recorded or made up: round-trip times by the second, including losses."""

@@ -1,7 +1,7 @@
 """Made-up links of many kinds, to find the figures of the rule on some kinds and to try it on others.
 
-Each family draws its own figures from the seed, so that two seeds are two links of a kind. The figures are our own
-invention, chosen to look like the link they name. No family was fitted to a recording.
+Each family draws its own figures from the seed, so that two seeds are two links of a kind. The figures are invented, to
+resemble the link they name. No family was fitted to a recording.
 
     python -m robot_offload_lab.links.made_up roaming --seed 3 --duration 120 link.csv
 """
@@ -19,13 +19,13 @@ from typing import Final
 from robot_offload_lab.links.recorded import CSV_HEADER, Trace
 
 PACE_S: Final = 0.020
-"""A request leaves when the answer to the previous one has come, but not before this."""
+"""A request leaves when the answer to the previous one has come, but never sooner than this after it."""
 LOST_S: Final = 0.100
-"""Distance of two requests while nothing comes back."""
+"""Time between two requests while nothing comes back."""
 
 
 class TraceBuilder:
-    """Writes down requests one after the other."""
+    """Builds a trace, request by request."""
 
     def __init__(self, name: str, rng: random.Random, duration_s: float) -> None:
         self.name, self.rng, self.duration_s = name, rng, duration_s
@@ -35,7 +35,7 @@ class TraceBuilder:
 
     @property
     def running(self) -> bool:
-        """There is time left."""
+        """Whether there is time left."""
         return self.now_s < self.duration_s
 
     def answer(self, rtt_ms: float) -> None:
@@ -46,7 +46,7 @@ class TraceBuilder:
         self.now_s += max(PACE_S, rtt_ms / 1e3)
 
     def calm(self, length_s: float, base_ms: float, jitter_ms: float) -> None:
-        """Round trips with an exponential tail."""
+        """Add round trips with an exponential tail."""
         until_s = self.now_s + length_s
         while self.now_s < until_s and self.running:
             self.answer(base_ms + self.rng.expovariate(1 / jitter_ms))
@@ -64,7 +64,7 @@ class TraceBuilder:
             self.now_s += min(LOST_S, max(PACE_S, until_s - self.now_s))
 
     def trace(self) -> Trace:
-        """Return what was written down."""
+        """Return the trace."""
         return Trace(self.name, tuple(self.times_s), tuple(self.rtts_ms), self.now_s)
 
 
@@ -73,7 +73,7 @@ def _lognormal(rng: random.Random, median: float, spread: float) -> float:
 
 
 def mobile(out: TraceBuilder) -> None:
-    """Make 4G: a slow swell, short stalls every few seconds or minutes, sometimes a change of the cell."""
+    """Add 4G: a slow swell, short stalls every few seconds or minutes, sometimes a change of the cell."""
     rng = out.rng
     base_ms, jitter_ms = rng.uniform(30, 65), rng.uniform(4, 14)
     stall_every_s, stall_s = rng.uniform(4, 40), rng.uniform(0.15, 0.4)
@@ -127,7 +127,7 @@ def repeater(out: TraceBuilder) -> None:
 
 
 def fibre(out: TraceBuilder) -> None:
-    """Make cable and fibre: hardly anything happens, a stall every few minutes."""
+    """Add cable and fibre: uneventful, with a stall every few minutes."""
     rng = out.rng
     base_ms, every_s = rng.uniform(4, 20), rng.uniform(40, 400)
     while out.running:
@@ -147,12 +147,12 @@ def evening(out: TraceBuilder) -> None:
         while out.now_s < busy_until_s and out.running:
             queue_ms = min(full_ms, queue_ms + full_ms * PACE_S / ramp_s * rng.uniform(0, 2))
             if rng.random() < 0.01:
-                queue_ms *= rng.uniform(0.1, 0.6)  # somebody's sender backs off
+                queue_ms *= rng.uniform(0.1, 0.6)  # another sender backs off
             out.answer(base_ms + queue_ms + rng.expovariate(1 / 6))
 
 
 def tunnel(out: TraceBuilder) -> None:
-    """Make long stretches without any link, with a frayed edge before and after each."""
+    """Add long stretches without any link, with a poor link just before and after each."""
     rng = out.rng
     base_ms, open_s, dark_s = rng.uniform(20, 50), rng.uniform(30, 240), rng.uniform(8, 60)
     while out.running:
@@ -179,7 +179,7 @@ def diurnal(out: TraceBuilder) -> None:
 
 
 def interference(out: TraceBuilder) -> None:
-    """Make Wi-Fi beside other senders: spells in which it stands still several times a second."""
+    """Add Wi-Fi beside other senders: spells in which it stalls several times a second."""
     rng = out.rng
     base_ms = rng.uniform(4, 12)
     quiet_s, loud_s = rng.uniform(1, 40), rng.uniform(0.5, 20)
@@ -193,7 +193,7 @@ def interference(out: TraceBuilder) -> None:
 
 
 def satellite(out: TraceBuilder) -> None:
-    """Make low orbit: every 15 s a new path with another delay, after a short gap or some slow tenths of a second."""
+    """Add low orbit: every 15 s a new path with another delay, after a short gap or some slow tenths of a second."""
     rng = out.rng
     gap_s, slow_s, dark = rng.uniform(0.08, 0.4), rng.uniform(0.0, 1.0), rng.uniform(0.0, 0.1)
     while out.running:
@@ -206,7 +206,7 @@ def satellite(out: TraceBuilder) -> None:
 
 
 def two_states(out: TraceBuilder) -> None:
-    """Make good and bad spells whose lengths scatter widely (Gilbert and Elliott's channel with heavy tails)."""
+    """Add good and bad spells of widely varying length (Gilbert and Elliott's channel with heavy tails)."""
     rng = out.rng
     base_ms = rng.uniform(8, 40)
     good_s, bad_s = (
@@ -224,7 +224,7 @@ def two_states(out: TraceBuilder) -> None:
 
 
 def lossy(out: TraceBuilder) -> None:
-    """Make radio at its range: single losses all the time, runs of losses when something is in the way."""
+    """Add radio at its range: single losses all the time, runs of losses when something is in the way."""
     rng = out.rng
     base_ms, share = rng.uniform(8, 40), rng.uniform(0.002, 0.04)
     shade_every_s, shade_s = rng.uniform(5, 60), rng.uniform(0.3, 5)
@@ -244,9 +244,9 @@ class Family:
     """A kind of link.
 
     Attributes:
-        make: writes a link down.
-        tolerance_s: that a user of such a link would ask for.
-        held_out: no figure of the rule was found on it; it is only reported on.
+        make: builds a link.
+        tolerance_s: tolerance that a user of such a link would ask for.
+        held_out: whether it is only reported on: no figure of the rule was found on it.
     """
 
     make: Callable[[TraceBuilder], None]
@@ -304,8 +304,8 @@ def corridor_wifi(seed: int, duration_s: float) -> str:
 def yard_4g(seed: int, duration_s: float) -> str:
     """Return the link of a robot in a yard on 4G, in the CSV format, ten requests a second.
 
-    40-60 ms in a slow swell with a long tail; 1 % of the requests are lost alone, and about every 40 s a
-    change of the cell loses all for 0.5-2.5 s.
+    40-60 ms in a slow swell with a long tail; 1 % of the requests are lost singly, and about every 40 s a
+    change of the cell loses all requests for 0.5-2.5 s.
     """
     rng = random.Random(seed)
     lines = [

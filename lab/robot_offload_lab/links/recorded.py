@@ -26,14 +26,14 @@ from robot_offload.errors import InputError
 CSV_HEADER = "t_s,rtt_ms"
 
 STALL_FLOOR_MS = 40.0
-"""A round trip below this is never a stall, however quick the link usually is."""
+"""A shorter round trip is never a stall, however quick the link usually is."""
 
 STALL_FACTOR = 3.0
 """A round trip longer than this many medians is a stall: everything is held and released at its end."""
 
 
 class TraceError(InputError, ValueError):
-    """A trace that cannot be used; the message begins with `file:line:` and says what to write instead."""
+    """A trace that cannot be used; the message begins with `file:line:` and states what to write instead."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Trace:
     """A recording of round-trip times, replayed from its beginning when it ends.
 
     Attributes:
-        name: what to call it in reports, usually the file's name.
+        name: its name in reports, usually the file's name.
         times_s: when each request was sent, strictly increasing, the first at 0.
         rtts_ms: the round-trip time of each request, None for a lost one.
         duration_s: length of the recording.
@@ -72,7 +72,7 @@ class Trace:
 
     @cached_property
     def _releases_s(self) -> tuple[float, ...]:
-        """For each sample, when the last stall that has begun by then ends (0 before the first stall)."""
+        """For each sample, when the last stall begun by then ends (0 before the first stall)."""
         ends_s = (
             t_s + rtt_ms / 1000 if rtt_ms is not None and rtt_ms > self.stall_ms else 0.0
             for t_s, rtt_ms in zip(self.times_s, self.rtts_ms, strict=True)
@@ -80,7 +80,7 @@ class Trace:
         return tuple(itertools.accumulate(ends_s, max))
 
     def one_way_ms(self, t_s: float) -> float | None:
-        """Return what a packet suffers that is sent at `t_s`, in either direction.
+        """Return the delay of a packet sent at `t_s`, in either direction.
 
         Half of the round-trip time of that moment. During a stall a packet is held until the stall's end, and
         none sent later arrives before that. A lost request means no link until the next request. Between the
@@ -107,7 +107,7 @@ def load_trace(path: Path) -> Trace:
     """Read a trace in either format.
 
     Raises:
-        TraceError: the file cannot be read or is no trace; names file and line.
+        TraceError: the file cannot be read or is not a trace; names file and line.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -171,7 +171,7 @@ def _from_csv(lines: Sequence[tuple[int, str]], name: str, source: str, *, heade
         rtts_ms.append(_positive_ms(cells[1], where) if cells[1] else None)
     if all(rtt is None for rtt in rtts_ms):
         raise TraceError(f"{source}:{header_line}: no line after the header has a round-trip time")
-    # The last sample lasts as long as the others usually do, and at least until its answer has come.
+    # The last sample lasts as long as the others usually do, but at least until its answer has come.
     steps_s = [later - earlier for earlier, later in itertools.pairwise(times_s)]
     usual_s = statistics.median(steps_s) if steps_s else 0.0
     end_s = times_s[-1] + max(usual_s, (rtts_ms[-1] or 0.0) / 1000)

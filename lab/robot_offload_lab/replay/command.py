@@ -29,12 +29,12 @@ Step = Callable[[int], None]
 
 @dataclass(frozen=True)
 class TraceRequest:
-    """A file and what is asked of it.
+    """A recording to replay, and how.
 
     Attributes:
         file: the recording.
-        settings: of the agent.
-        adapt: the loss timeout follows the recording.
+        settings: settings of the agent.
+        adapt: whether the loss timeout follows the recording.
     """
 
     file: Path
@@ -48,10 +48,10 @@ class Request:
 
     Attributes:
         recordings: to replay, or to search on.
-        report_on: to report on after a search; none means that each recording in turn is left out of the search.
+        report_on: to report on after a search; none: each recording in turn is left out of the search.
         policy: name of the policy.
-        compare: all of them.
-        tune: search our figures.
+        compare: whether to replay all policies.
+        tune: whether to search figures of our rule.
         weights: prices per second exposed, per second wasted, per switch.
         out: folder for results; None for none.
         as_json: the results as JSON on standard output.
@@ -68,7 +68,7 @@ class Request:
 
 
 def run(request: Request) -> str | None:
-    """Do what was asked for; the JSON for standard output, None when none was asked for.
+    """Carry out the request; return the JSON for standard output, None when none was requested.
 
     Raises:
         InputError: a recording, a policy or the folder cannot be used.
@@ -156,7 +156,7 @@ def _case(recording: TraceRequest, weights: Weights) -> StudiedLink:
 
 
 def _check_tuning(request: Request) -> None:
-    """Refuse to report on what was searched, whatever the file is called."""
+    """Refuse to report on a recording that was searched, even under another file name."""
     if request.compare:
         raise InputError("--tune, --compare: one of them at a time; --tune reports the best other rule by itself")
     searched = {_fingerprint(each.file): each.file for each in request.recordings}
@@ -174,7 +174,7 @@ def _check_tuning(request: Request) -> None:
 
 
 def _fingerprint(file: Path) -> str:
-    """Return equal for equal recordings; a file that cannot be read is reported when it is loaded."""
+    """Return a text that is equal for equal recordings; an unreadable file is reported when it is loaded."""
     try:
         return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError:

@@ -1,4 +1,4 @@
-"""What a policy is: it hears echoes, is asked for a side at every moment, and never sees the future."""
+"""What a policy is: it receives echoes, is asked for a side at every moment, and never sees the future."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_offload_core.words.settings import Settings
 
 @dataclass(frozen=True)
 class Decision:
-    """A side with the reason and message of a policy of anybody's own, both for results.json."""
+    """A side, with the reason and message of a user's own policy for results.json."""
 
     site: Site
     reason: str = ""
@@ -23,9 +23,8 @@ class Decision:
 class SwitchingPolicy(Protocol):
     """Decides where to act. Times are seconds from the beginning of the recording.
 
-    At each moment at which echoes arrive, and at each beat period, `heard` is called for every echo that has arrived
-    since, in order, and then `place` once. What was decided before stays decided: the side changes at once and without
-    failing. The robot acts first.
+    Whenever echoes arrive, and at each heartbeat period, `heard` is called for every new echo in order, and then
+    `place` once. Earlier decisions are final: the side changes at once and never fails. The robot acts first.
     """
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
@@ -33,7 +32,7 @@ class SwitchingPolicy(Protocol):
         ...
 
     def place(self, now_s: float) -> Decision | Verdict | Site | str:
-        """Return the side to act from now on: `Site`, "robot", "cloud", or a Decision with the reason as well."""
+        """Return the side that acts from now on: `Site`, "robot", "cloud", or a Decision with the reason as well."""
         ...
 
 

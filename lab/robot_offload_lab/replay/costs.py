@@ -1,4 +1,4 @@
-"""The price of a placement, and the least price that was possible with the whole recording known."""
+"""The price of a placement, and the lowest possible price with the whole recording known."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_offload_lab.replay.heartbeats import Heartbeats
 
 @dataclass(frozen=True)
 class Weights:
-    """What things cost, in units of one second on the wrong, but harmless side.
+    """Prices, in units of one second on the wrong but harmless side.
 
     Attributes:
         exposed_per_s: acting in the cloud while the link is not good enough.
@@ -31,7 +31,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Change:
-    """From `at_us` on `site` acts."""
+    """A change of side: from `at_us` on, `site` acts."""
 
     at_us: int
     site: Site
@@ -41,7 +41,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Score:
-    """What a placement came to.
+    """The price of a placement and its parts.
 
     Attributes:
         exposed_s: time in the cloud while the link was not good enough (for a heartbeat sent at that moment).
@@ -59,7 +59,7 @@ class Score:
 
 
 def score(changes: Sequence[Change], beats: Heartbeats, limit_us: int, weights: Weights) -> Score:
-    """Return the price of acting as `changes` say; before the first one the robot acts."""
+    """Return the price of the placement `changes`; before the first change the robot acts."""
     stays = np.array(list(_cloud_stays(changes, beats.duration_us)), dtype=float).reshape(-1, 2)
     edges_us = np.arange(len(beats.sent_us) + 1) * beats.period_us
     good_us = np.concatenate([[0], np.cumsum(beats.good(limit_us)) * beats.period_us])
@@ -77,15 +77,15 @@ def optimum(
 ) -> tuple[Change, ...]:
     """Return the cheapest placement of all, found with the whole recording known.
 
-    Dynamic programming over the stretches in which the link stays good or stays bad: within one the cost of either side
-    grows evenly, so the best moment for a change is always an edge. No policy without foresight can reach it: a bad
-    stretch shows only when its first echo is overdue, and a short one is over by then.
+    Dynamic programming over the stretches in which the link stays good or bad: within a stretch the cost of either side
+    grows evenly, so the best moment for a change is always an edge. No policy without foresight can reach this price: a
+    bad stretch shows only when its first echo is overdue, and a short one is over by then.
 
     Args:
         beats: of the recording.
         limit_us: the longest loop latency that is good enough.
         weights: the prices.
-        forbidden: periods in which a hard limit keeps everybody on the robot; None for no limit.
+        forbidden: periods in which a hard limit keeps every policy on the robot; None for no limit.
     """
     good_enough = beats.good(limit_us)
     barred = np.zeros(len(good_enough), dtype=bool) if forbidden is None else forbidden
@@ -98,7 +98,7 @@ def optimum(
         if barred_here:
             least[Site.CLOUD] = math.inf
         least[Site.ROBOT] += weights.wasted_per_s * length_s if good else 0.0
-        # Where the cheapest way to each side at the end of this stretch was within it.
+        # For each side at the end of this stretch: where the cheapest way to it was within the stretch.
         moving = {site: least[site.other] + weights.switch for site in Site}
         origins.append({site: site.other if moving[site] < least[site] else site for site in Site})
         least = {site: min(least[site], moving[site]) for site in Site}
@@ -119,7 +119,7 @@ def _as_changes(starts_us: Sequence[int], sites: Sequence[Site]) -> Iterator[Cha
 
 
 def stretches(kinds: NDArray[np.bool_] | NDArray[np.int8], period_us: int) -> list[tuple[int, int, float]]:
-    """Return (start in us, kind, length in s) of each stretch of periods of equal kind, for example good."""
+    """Return (start in us, kind, length in s) of each stretch of periods of the same kind, for example good."""
     edges = np.flatnonzero(np.diff(kinds)) + 1
     bounds = [0, *edges.tolist(), len(kinds)]
     return [(a * period_us, int(kinds[a]), (b - a) * period_us / 1e6) for a, b in itertools.pairwise(bounds)]

@@ -1,4 +1,4 @@
-"""What a recorded link does to heartbeats: when each one, and its echo, is back."""
+"""What a recorded link does to heartbeats: when the echo of each one is back."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from robot_offload_lab.links.recorded import Trace, TraceError
 
 Micros = NDArray[np.int64]
 NEVER_US: Final = np.iinfo(np.int64).max
-"""The arrival of a beat that is lost."""
+"""The arrival time of a lost beat."""
 
 
 @dataclass(frozen=True)
 class Heartbeats:
-    """One beat at the beginning of each period, and when its echo is back. Times in whole microseconds.
+    """One heartbeat at the beginning of each period, and when its echo is back. Times in whole microseconds.
 
     Attributes:
         name: of the recording.
-        period_us: distance of two beats.
+        period_us: time between two beats.
         sent_us: when each beat left, from 0 on.
         arrived_us: when its echo was back, in the order of sending; NEVER_US for a lost one.
     """
@@ -34,12 +34,12 @@ class Heartbeats:
 
     @property
     def duration_us(self) -> int:
-        """Length of the replay: whole periods only."""
+        """Length of the replay, in whole periods."""
         return len(self.sent_us) * self.period_us
 
     @cached_property
     def latency_us(self) -> Micros:
-        """The loop latency that each beat suffered; NEVER_US for a lost one."""
+        """The loop latency of each beat; NEVER_US for a lost one."""
         lost = self.arrived_us == NEVER_US
         return np.where(lost, NEVER_US, self.arrived_us - self.sent_us)
 
@@ -51,10 +51,10 @@ class Heartbeats:
 def derive(trace: Trace, period_s: float) -> Heartbeats:
     """Return the heartbeats that the link of `trace` would have carried.
 
-    A beat that leaves during a sample (until the next request) which is no stall is back after that sample's round-trip
-    time. During a stall (`Trace.stall_ms`: longer than 40 ms and three medians) it is held and back at the stall's end;
-    after that end, until the next request (only possible in the CSV format), it takes a median. A lost request means no
-    link until the next one: beats sent then never come back. No beat overtakes an earlier one.
+    A sample lasts until the next request. A beat that leaves during a normal sample is back after that sample's
+    round-trip time. During a stall (`Trace.stall_ms`: longer than 40 ms and three medians) it is held and back at the
+    stall's end; after that end, until the next request (only possible in the CSV format), it takes a median. A lost
+    request means no link until the next one: beats sent then never come back. No beat overtakes an earlier one.
 
     Raises:
         TraceError: the trace is shorter than two periods.

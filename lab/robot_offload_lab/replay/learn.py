@@ -1,4 +1,4 @@
-"""Prints the table of the core's prior: what its rules cost on made-up links of the families that are not held out.
+"""Prints the table of the core's prior: what its rules cost on made-up links of the families not held out.
 
 python -m robot_offload_lab.replay.learn
 """
@@ -25,11 +25,11 @@ DURATION_S: Final = 1200.0
 TOLERANCES: Final = (1.0, 0.7, 1.4)
 """Shares of the family's usual tolerance, by seed: a rule must not rely on a generous one."""
 EASY: Final = 2.0
-"""Added to both costs, so that links on which hardly anything happens do not outweigh the others."""
+"""Added to both costs, so that uneventful links do not outweigh the others."""
 
 
 def links(seeds: int, duration_s: float, *, held_out: bool) -> Iterator[StudiedLink]:
-    """Yield made-up links of the families that are held out, or of the others."""
+    """Yield made-up links of the held-out families, or of the others."""
     for name, family in FAMILIES.items():
         if family.held_out is held_out:
             for seed in range(1, seeds + 1):
@@ -52,7 +52,7 @@ def costs(subject: StudiedLink) -> list[float]:
 
 
 def learnt(cases: Sequence[StudiedLink] | Iterator[StudiedLink]) -> list[float]:
-    """Return the figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule."""
+    """Return the figure of each rule: the mean logarithm of its cost as a multiple of the best fixed rule's."""
     sums, count = [0.0] * len(PRIOR), 0
     for subject in cases:
         best = subject.best_fixed.cost + EASY

@@ -1,4 +1,4 @@
-"""The hard limits that everybody is held to in a replay: nobody acts in the cloud over a link that is silent."""
+"""The hard limits that every policy must respect in a replay: the cloud never acts over a silent link."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ def adapted_loss_timeout_s(trace: Trace) -> float:
 
 @dataclass(frozen=True)
 class Newest:
-    """What had arrived at the beginning of each period.
+    """What had arrived by the beginning of each period.
 
     Attributes:
-        silent_us: since the newest arrival (since the beginning, before the first one).
-        latency_us: of the newest beat that had arrived; NEVER_US before the first one.
+        silent_us: time since the newest arrival (before the first one: since the beginning).
+        latency_us: latency of the newest beat that had arrived; NEVER_US before the first one.
     """
 
     silent_us: NDArray[np.int64]
@@ -48,12 +48,12 @@ def newest(beats: Heartbeats) -> Newest:
 
 
 def forbidden(beats: Heartbeats, loss_timeout_us: int) -> NDArray[np.bool_]:
-    """Return for each period whether nothing had come for the loss timeout when it began."""
+    """Return for each period whether, when it began, nothing had come for the loss timeout."""
     return newest(beats).silent_us > loss_timeout_us
 
 
 def clamped(changes: tuple[Change, ...], beats: Heartbeats, loss_timeout_us: int) -> tuple[Change, ...]:
-    """Return the placement `changes` with the cloud left at once in silence; after it the policy decides again."""
+    """Return the placement `changes`, but leave the cloud at once in silence; afterwards the policy decides again."""
     silences = list(_silences(beats, loss_timeout_us))
     if not silences:
         return changes

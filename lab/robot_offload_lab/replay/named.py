@@ -26,7 +26,7 @@ class NamedPolicy:
         name: in options, tables and results.
         text: what it does, in a few words.
         make: makes a fresh one for a recording.
-        foreign: it is a user's own; its errors are printed as lines, not as our tracebacks.
+        foreign: whether it is a user's own: its errors are printed as lines, not as tracebacks of ours.
     """
 
     name: str
@@ -48,7 +48,7 @@ POLICIES: Final[Mapping[str, NamedPolicy]] = {
     )
 }
 CONSTANT: Final = ("robot", "cloud")
-"""References that decide nothing."""
+"""Reference policies that never decide."""
 
 
 def find(name: str) -> NamedPolicy:
@@ -73,7 +73,7 @@ def _imported(name: str) -> PolicyMaker:
         sys.path.insert(0, here)
     try:
         module = importlib.import_module(module_name)
-    except Exception as error:  # whatever a foreign module raises while it is imported
+    except Exception as error:  # a foreign module may raise anything while it is imported
         raise InputError(f"--policy {name}: cannot import {module_name!r}: {_line(error)}") from error
     maker = getattr(module, function_name, None)
     if not callable(maker):

@@ -1,4 +1,4 @@
-"""The rule of the agents, driven through the very code that they run."""
+"""The agents' rule, run through the agents' own code."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ REPORT: Final = CloudReport(serves=ROBOT, epoch=EPOCH, acting=True, ready=True, 
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What the agent knows of the link at one moment.
+    """What the agent knows about the link at one moment.
 
     Attributes:
         now_s: the moment.
         fitness: whether the loop is fast enough.
-        fault: the hard limit of the link that is broken and forbids the cloud; None when all hold.
+        fault: the broken hard limit of the link that forbids the cloud; None when all hold.
         good_s: arrival of the newest good beat; minus infinity before the first.
     """
 
@@ -42,11 +42,11 @@ class Sight:
 
 
 class Eyes:
-    """What the agent makes of the echoes: `link.hear`, `health.fitness` and `limits.cloud_fault`.
+    """How the agent evaluates echoes: `link.hear`, `health.fitness` and `limits.cloud_fault`.
 
-    Each echo stands for one beat of the cloud, which is heard when the echo is back. So silence is judged a little too
-    severely: when a link becomes slower in one step, an agent hears the next beat of the cloud after half of it.
-    Everything but the link is well: data session, collector, nodes and the cloud agent itself.
+    Each echo stands for one heartbeat of the cloud, received when the echo is back. So silence is judged slightly too
+    severely: when a link slows down in one step, an agent receives the cloud's next heartbeat after half of that step.
+    Everything except the link works: data session, collector, nodes and the cloud agent itself.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -77,11 +77,11 @@ class Eyes:
 
 
 class Mind:
-    """What the agent makes of what it knows: `policy.decide`, and the take-over at a broken hard limit.
+    """How the agent decides from what it knows: `policy.decide`, and the take-over at a broken hard limit.
 
     Args:
-        settings: of the agent.
-        figures: of the outlook; None: the product's.
+        settings: settings of the agent.
+        figures: figures of the outlook; None: the product's.
     """
 
     def __init__(self, settings: Settings, figures: Figures | None = None) -> None:
@@ -91,11 +91,11 @@ class Mind:
         self._entered_s = 0.0
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Take an echo that came back: it shows what the link was like when its beat was sent."""
+        """Take an echo that came back: it shows the state of the link when its beat was sent."""
         self.policy = policies.heard(self.policy, sent_s, arrived_s - sent_s, self._settings)
 
     def place(self, sight: Sight) -> Verdict:
-        """Return the decision at that moment, as `switcher.step` comes to it when changing over takes no time."""
+        """Return the decision at that moment, as `switcher.step` would make it if changing over took no time."""
         now_s, site = sight.now_s, self._site
         self.policy, verdict = policies.decide(self.policy, site, sight.fitness, self._settings, now_s)
         if site is Site.CLOUD:
@@ -121,7 +121,7 @@ class Mind:
 
 
 class Ours:
-    """The agent as a policy: changes over at once when `policy.decide` says so and no hard limit is broken."""
+    """The agent as a policy: changes over at once when `policy.decide` does and no hard limit is broken."""
 
     def __init__(self, settings: Settings) -> None:
         self._eyes = Eyes(settings)

@@ -15,13 +15,13 @@ WINDOW_LOSS_S: Final = 10.0
 
 
 class OneSide:
-    """One side always, whatever happens: what the others must beat."""
+    """Always one side: the baseline that the others must beat."""
 
     def __init__(self, site: Site) -> None:
         self._verdict = Decision(site, "Always", f"The {site.value} always acts")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Do not matter."""
+        """Ignore the echo."""
 
     def place(self, now_s: float) -> Decision:
         """Return the one side."""
@@ -29,11 +29,11 @@ class OneSide:
 
 
 class Threshold:
-    """The rule of the thesis that this project grows out of: one message against one threshold, no hysteresis.
+    """The rule of the thesis that this project grew out of: one message against one threshold, no hysteresis.
 
     The cloud acts while the newest echo took no longer than the limit. When nothing comes for the loss timeout, the
     status is 0 and the robot acts until the next echo. (J. Marsiano, Politecnico di Torino, 2022; its timer has a
-    free length, here it is the one of the agents.)
+    free length, here it is that of the agents.)
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -42,7 +42,7 @@ class Threshold:
         self.heard_s = float("-inf")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Keep the newest."""
+        """Keep the newest echo."""
         self.latency_s, self.heard_s = arrived_s - sent_s, arrived_s
 
     def silent(self, now_s: float) -> bool:
@@ -50,7 +50,7 @@ class Threshold:
         return now_s - self.heard_s > self._settings.loss_timeout_s
 
     def place(self, now_s: float) -> Decision:
-        """Return the thesis's rule."""
+        """Decide by the thesis's rule."""
         if self.silent(now_s):
             return Decision(Site.ROBOT, "Silent", "No message for longer than the loss timeout")
         if self.latency_s > self._settings.allowed_loop_s:
@@ -67,11 +67,11 @@ class Dwell:
         self._changed_s = float("-inf")
 
     def heard(self, sent_s: float, arrived_s: float) -> None:
-        """Hand it on."""
+        """Pass the echo on."""
         self._threshold.heard(sent_s, arrived_s)
 
     def place(self, now_s: float) -> Decision:
-        """Return the threshold's answer, when the dwell is over or nothing comes."""
+        """Return the threshold's answer if the dwell is over or nothing comes."""
         wanted = self._threshold.place(now_s)
         lost = wanted.site is Site.ROBOT and self._threshold.silent(now_s)
         if wanted.site is not self._verdict.site and (lost or now_s - self._changed_s >= DWELL_S):
@@ -80,10 +80,10 @@ class Dwell:
 
 
 class Mean:
-    """The mean latency over a window of 3 s against the threshold; a loss is seen after 10 s of silence.
+    """The mean latency over a window of 3 s against the threshold; a loss is noticed after 10 s of silence.
 
-    The window ends at the newest echo: while nothing comes the old mean stands, as it does in a well-known
-    latency-aware offloading framework whose rule this is.
+    The window ends at the newest echo: while nothing comes the old mean holds. This is the rule of a well-known
+    latency-aware offloading framework.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -99,7 +99,7 @@ class Mean:
             self._sum_s -= self._window.popleft()[1]
 
     def place(self, now_s: float) -> Decision:
-        """Return the mean against the threshold."""
+        """Decide by comparing the mean with the threshold."""
         if not self._window or now_s - self._window[-1][0] > WINDOW_LOSS_S:
             return Decision(Site.ROBOT, "Silent", "No message for longer than 10 s")
         if self._sum_s / len(self._window) > self._limit_s:

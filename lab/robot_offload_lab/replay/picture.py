@@ -18,7 +18,7 @@ from robot_offload_lab.replay.heartbeats import NEVER_US
 from robot_offload_lab.replay.study import Replayed, StudiedLink
 
 COLUMNS: Final = 1500
-"""More points beside each other than this cannot be told apart."""
+"""More points than this side by side cannot be distinguished."""
 
 
 def draw(subjects: Sequence[tuple[StudiedLink, Sequence[Replayed]]]) -> bytes:
@@ -79,7 +79,7 @@ def _placement(axes: Axes, outcomes: Sequence[Replayed], end_s: float) -> None:
 
 
 def _stays(changes: Sequence[Change], end_s: float) -> list[tuple[float, float, Site]]:
-    """Return (from, until, side) of every stay, the robot's first one among them."""
+    """Return (from, until, side) of every stay, including the robot's first one."""
     found, start_s, site = [], 0.0, Site.ROBOT
     for change in changes:
         found.append((start_s, change.at_us / 1e6, site))

@@ -12,15 +12,15 @@ from robot_offload_lab.replay.costs import Change
 from robot_offload_lab.replay.heartbeats import NEVER_US, Heartbeats
 
 Progress = Callable[[int], None]
-"""Called now and then with how many beats more have been replayed."""
+"""Called now and then with the number of beats replayed since the last call."""
 PROGRESS_BEATS = 1000
 
 
 def moments(beats: Heartbeats) -> Iterator[tuple[int, list[int]]]:
-    """Yield every moment at which an agent looks, and the beats whose echoes arrive then, in microseconds and indices.
+    """Yield every moment (microseconds) at which an agent looks, and the beats (indices) whose echoes arrive then.
 
-    These are the arrivals of echoes, all of one instant together (after a stall an agent reads everything that has
-    arrived before it judges), and the beginning of each period.
+    These are the beginning of each period and the arrivals of echoes. Echoes of one instant come together: after a
+    stall an agent reads everything that has arrived before it judges.
     """
     arrivals = [(at_us, index) for index, at_us in enumerate(beats.arrived_us.tolist()) if at_us != NEVER_US]
     arrivals.append((NEVER_US, -1))
@@ -41,7 +41,7 @@ def moments(beats: Heartbeats) -> Iterator[tuple[int, list[int]]]:
 
 
 def play(policy: SwitchingPolicy, beats: Heartbeats, progress: Progress | None = None) -> tuple[Change, ...]:
-    """Return where `policy` acts on this recording; the robot does before the first change."""
+    """Return where `policy` acts on this recording; before the first change the robot acts."""
     changes: list[Change] = []
     site, seen = Site.ROBOT, 0
     sent_us = beats.sent_us.tolist()

@@ -1,12 +1,12 @@
 """The yardstick: what the best rule of "rent or buy" costs on a recording, its parameters chosen in hindsight.
 
-A causal signal says bad when the newest heartbeat's latency is above the bound or nothing has come for S. Regret grows
-by the price of a second exposed while in the cloud under a bad signal, by the price of a second wasted while on the
-robot under a good one, and falls at the same rate otherwise, never below 0. The rule moves when regret reaches the
-price of a switch times `out` (leaving the cloud) or times `back` (returning); then regret starts from 0.
+A causal signal is bad when the newest heartbeat's latency is above the bound or nothing has come for S. Regret grows by
+the price of a second exposed while in the cloud under a bad signal, and by the price of a second wasted while on the
+robot under a good one. Otherwise it falls at the same rate, never below 0. The rule moves when regret reaches the price
+of a switch times `out` (leaving the cloud) or times `back` (returning); then regret starts from 0.
 
 A heartbeat period under a signal counts from its beginning, so that the quickest rules move with the first bad signal:
-the yardstick is rather too good than too bad.
+the yardstick is too good rather than too bad.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class RentOrBuy:
 
     Attributes:
         silence_s: S, seconds without any heartbeat that mean a bad link.
-        out, back: regret that moves it, in switches; infinity for never.
+        out, back: regret at which it moves, in switches; infinity for never.
         cost: J.
     """
 
@@ -76,8 +76,8 @@ def grid(
         silences_s: the values of S that span the grid.
         pairs: its values of (out, back).
         share: of the bound, over which a latency is bad.
-        memory: (window in seconds, share): nobody returns while more than this share of the window's beats were truly
-            bad, as known one bound later.
+        memory: (window in seconds, share): no rule returns while more than this share of the window's beats were truly
+            bad, which is known one bound later.
     """
     seen, truth = newest(beats), beats.good(limit_us)
     found = []
@@ -98,14 +98,14 @@ def grid(
 
 
 def _held(truth: NDArray[np.bool_], period_us: int, limit_us: int, window_s: float, share: float) -> NDArray[np.bool_]:
-    """Return the periods in which a memory keeps everybody who is on the robot there."""
+    """Return the periods in which a memory keeps every rule that is on the robot there."""
     window, late = round(window_s * 1e6 / period_us), -(-limit_us // period_us)
     bad = np.concatenate([np.zeros(window + late, dtype=np.int64), np.cumsum(~truth)])
     return np.asarray(bad[window : window + len(truth)] - bad[: len(truth)] > share * window)
 
 
 class _Rules:
-    """All rules of one signal side by side. Within a stretch of equal signal each moves once at most."""
+    """All rules of one signal side by side. Within a stretch of one signal each moves at most once."""
 
     def __init__(
         self, pairs: Sequence[tuple[float, float]], weights: Weights, period_s: float, truth: NDArray[np.bool_]
@@ -127,7 +127,7 @@ class _Rules:
         return np.asarray(periods * self._period_s + prices.switch * self._switches)
 
     def live(self, start: int, end: int, *, bad: bool, forbidden: bool, held: bool) -> None:
-        """Let the rules live from period `start` to `end`, in which signal, limit and memory stay as they are."""
+        """Run the rules from period `start` to `end`, in which signal, limit and memory stay the same."""
         leave_per, return_per = self._per_period()
         if forbidden:
             self._switches += self._cloud

@@ -16,7 +16,7 @@ from robot_offload_lab.replay.tune import TuningReport
 
 STRIP_COLUMNS = 72
 SHADES = "░▒▓█"
-"""From hardly ever to nearly always."""
+"""From almost never to almost always."""
 
 
 def heading(subject: StudiedLink) -> str:
@@ -30,7 +30,7 @@ def heading(subject: StudiedLink) -> str:
 
 
 def table(subject: StudiedLink, outcomes: Sequence[Replayed]) -> Table:
-    """Return one row for each policy, the best fixed rule and the optimum last."""
+    """Return one row per policy, then the best fixed rule and the optimum."""
     found = _table("policy", "cost J", "of optimum", "of best fixed", "exposed s", "wasted s", "switches", "cloud %")
     for each in [*outcomes, subject.best]:
         figures = each.score

@@ -1,4 +1,4 @@
-"""Recordings and policies put together, and the outcomes as plain values for JSON."""
+"""Runs policies on recordings and returns the outcomes as plain values for JSON."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from robot_offload_lab.replay.rent_or_buy import RentOrBuy, best_fixed
 
 OPTIMUM = "optimum"
 ROUNDING_S = 1e-9
-"""Added to the tolerance: recordings often hold whole milliseconds, and exactly the limit is good enough."""
+"""Added to the tolerance: recordings often hold whole milliseconds, and a latency of exactly the limit is good."""
 
 
 @dataclass(frozen=True)
 class StudiedLink:
-    """A recording and what is asked of it.
+    """A recording and how it is judged.
 
     Attributes:
         beats: the heartbeats of the recording.
         settings: of the agent; the periods and the tolerance give the limit of a good link.
         weights: the prices.
-        limited: the hard limits hold: nobody is in the cloud when nothing has come for the loss timeout.
+        limited: whether the hard limits hold: the cloud does not act when nothing has come for the loss timeout.
     """
 
     beats: Heartbeats
@@ -48,12 +48,12 @@ class StudiedLink:
 
     @property
     def loss_timeout_us(self) -> int:
-        """Silence after which nobody is in the cloud."""
+        """Silence after which no policy may act in the cloud."""
         return round(self.settings.loss_timeout_s * 1e6)
 
     @cached_property
     def forbidden(self) -> np.typing.NDArray[np.bool_]:
-        """Periods in which a hard limit keeps everybody on the robot."""
+        """Periods in which a hard limit keeps every policy on the robot."""
         if not self.limited:
             return np.zeros(len(self.beats.sent_us), dtype=bool)
         return forbidden(self.beats, self.loss_timeout_us)
@@ -75,29 +75,29 @@ class StudiedLink:
         return best_fixed(self.beats, self.limit_us, self.weights, self.forbidden)
 
     def price(self, changes: tuple[Change, ...]) -> Score:
-        """Return what a placement comes to on this recording, under the hard limits if they hold."""
+        """Return the price of a placement on this recording, under the hard limits if they hold."""
         if self.limited:
             changes = clamped(changes, self.beats, self.loss_timeout_us)
         return score(changes, self.beats, self.limit_us, self.weights)
 
     def ratio(self, cost: float) -> float | None:
-        """Return how many times the optimum `cost` is; None when only the optimum costs nothing."""
+        """Return `cost` as a multiple of the optimum; None when only the optimum costs nothing."""
         return _ratio(cost, self.best.score.cost)
 
     def ratio_best_fixed(self, cost: float) -> float | None:
-        """Return how many times the cost of the best fixed rule `cost` is; None when only that costs nothing."""
+        """Return `cost` as a multiple of the best fixed rule's; None when only that rule costs nothing."""
         return _ratio(cost, self.best_fixed.cost)
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """What a policy did on a recording, and what that came to.
+    """What a policy did on a recording, and its price.
 
     Attributes:
         policy: its name.
         changes: of side, under the hard limits.
-        score: of these.
-        wishes: what the policy alone wanted; None when that is the same.
+        score: the price of these.
+        wishes: changes that the policy alone wanted; None when they are the same.
     """
 
     policy: str
@@ -113,7 +113,7 @@ def case(trace: Trace, settings: Settings, weights: Weights, *, adapt: bool = Tr
         trace: the recording.
         settings: of the agent.
         weights: the prices.
-        adapt: the loss timeout to the recording, see limits.adapted_loss_timeout_s; otherwise it is that of `settings`.
+        adapt: whether the loss timeout follows the recording (limits.adapted_loss_timeout_s), not `settings`.
 
     Raises:
         TraceError: the recording is too short.
@@ -128,7 +128,7 @@ def outcome(policy: NamedPolicy, subject: StudiedLink, progress: Progress | None
     """Replay `subject` for a fresh `policy`.
 
     Raises:
-        InputError: a policy that is not ours raised something, or answered what is no side.
+        InputError: a user's own policy raised an exception, or its answer is not a side.
     """
     try:
         wishes = play(policy.make(subject.settings), subject.beats, progress)

@@ -24,7 +24,7 @@ RIVALS: Final = tuple(name for name in POLICIES if name not in (OURS.name, *CONS
 
 @dataclass(frozen=True)
 class Figures:
-    """What is searched: the first hold-down is set in the resource, the rest stands in the core's outlook.
+    """What is searched: the first hold-down is set in the resource, the rest is in the core's outlook.
 
     Attributes:
         hold_down_initial_s: `switching.holdDown.initial`, the wait after the first flap.
@@ -41,7 +41,7 @@ DEFAULT: Final = Figures()
 GRID: Final[tuple[Figures, ...]] = tuple(
     itertools.starmap(Figures, itertools.product((0.5, 1.0), (1.0, 3.0, 10.0), (0.5, 1.0), (300.0, 1000.0)))
 )
-"""Every combination that is tried; the present figures are among them."""
+"""Every combination that is tried, the present figures included."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class TuningReport:
     Attributes:
         trace: its name.
         trained_on: the others.
-        figures: the best ones on the others.
-        tuned, present: cost on this recording with these figures, and with the present ones.
-        rival, rival_cost: the best other rule here.
+        figures: the best figures on the others.
+        tuned, present: cost on this recording with those figures, and with the present ones.
+        rival, rival_cost: the best other rule on this recording.
         best_fixed: cost of the best fixed rule, in hindsight.
-        optimum: the least cost that was possible.
+        optimum: the lowest possible cost.
     """
 
     trace: str
@@ -70,7 +70,7 @@ class TuningReport:
 
 
 class Sights:
-    """What an agent would know at each moment of a recording: the same whatever the figures are, so found once."""
+    """What an agent would know at each moment of a recording: computed once, as it does not depend on the figures."""
 
     def __init__(self, subject: StudiedLink) -> None:
         eyes, sent_us = Eyes(subject.settings), subject.beats.sent_us.tolist()
@@ -83,7 +83,7 @@ class Sights:
             self._sights.append((at_us, sent_s, eyes.look(at_us / 1e6)))
 
     def cost(self, figures: Figures) -> float:
-        """Return what our rule with these figures comes to."""
+        """Return the cost of our rule with these figures."""
         settings = dataclasses.replace(self._case.settings, hold_down_initial_s=figures.hold_down_initial_s)
         mind = Mind(settings, experts.Figures(figures.handicap, figures.margin, figures.half_life_s))
         site, changes = Site.ROBOT, []
@@ -104,14 +104,14 @@ def search(
     done: Callable[[int], None],
     grid: Sequence[Figures] = GRID,
 ) -> list[TuningReport]:
-    """Return the figures with the least mean ratio on some recordings are tried on others.
+    """Find the figures with the lowest mean ratio on some recordings, and report on others.
 
     Args:
         cases: to search on.
         held_out: to report on; without them each of `cases` in turn is left out of the search and reported on.
         outcome: replays a recording for a policy.
-        done: called with how many steps of `steps(cases, held_out)` more are done.
-        grid: what is tried.
+        done: called with the number of further steps done, of `steps(cases, held_out)`.
+        grid: the figures that are tried.
     """
     everything = [*cases, *held_out]
     costs: list[dict[Figures, float]] = []
@@ -148,7 +148,7 @@ def steps(cases: Sequence[StudiedLink], held_out: Sequence[StudiedLink] = (), gr
 def _mean_ratio(
     cases: Sequence[StudiedLink], costs: Sequence[dict[Figures, float]], chosen: Sequence[int], figures: Figures
 ) -> float:
-    """Return of the chosen recordings; a recording whose optimum is nothing counts with its cost."""
+    """Return the mean ratio over the chosen recordings; one whose optimum costs nothing counts with its cost."""
     ratios = []
     for index in chosen:
         ratio = cases[index].ratio(costs[index][figures])

@@ -13,7 +13,7 @@ from robot_offload.render.pki import build_certificates, issue_robot
 
 @dataclass(frozen=True)
 class SidePaths:
-    """What one side's agent is configured with.
+    """The certificate files that one side's agent is configured with.
 
     Attributes:
         ca: the authority that this side trusts, which signed the *other* side's certificate.
@@ -35,7 +35,7 @@ class CertificatePaths:
 
 
 def client_paths(directory: Path, name: str) -> SidePaths:
-    """Return where `make_certificates` writes what a client of that name dials the cloud with."""
+    """Return where `make_certificates` writes the files with which a client of that name dials the cloud."""
     return SidePaths(directory / "server-ca.pem", directory / f"{name}.pem", directory / f"{name}.key")
 
 
@@ -50,14 +50,14 @@ def make_certificates(
 ) -> CertificatePaths:
     """Make new certificates for both sides and write them to `directory`, replacing older ones.
 
-    The keys of the two authorities are not written: nothing can be signed by them any more. Who needs another
-    certificate makes a whole new set.
+    The keys of the two authorities are not written, so nothing more can be signed with them. Another certificate
+    needs a whole new set.
 
     Args:
-        directory: made if missing, closed to everybody but the owner.
+        directory: made if missing, accessible to the owner only.
         robot: the robot's name.
-        host_names: by which DNS names and IP addresses the robot dials the cloud.
-        now: the present, with its time zone.
+        host_names: DNS names and IP addresses by which the robot dials the cloud.
+        now: the current time, with its time zone.
         days: how long they are valid.
         clients: names of further clients that the cloud shall accept, such as an observer; see `client_paths`.
 
@@ -86,7 +86,7 @@ def make_certificates(
 
 
 def _write(path: Path, content: bytes, *, mode: int) -> None:
-    """Replace the file at once, so that nobody reads half a key, and never with wider permissions in between."""
+    """Replace the file atomically, so that half a key is never read, and never with wider permissions in between."""
     fresh = path.with_name(path.name + ".new")
     fresh.unlink(missing_ok=True)
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)

@@ -56,19 +56,19 @@ from robot_offload_lab.wire.loop import steady_s
 from robot_offload_lab.wire.options import LinkOptions
 
 LONGEST_S: Final = 75.0
-"""A run without a given duration ends at the goal, and after this at the latest."""
+"""A run without a given duration ends at the goal, or after this time at the latest."""
 START_TIMEOUT_S: Final = 90.0
-"""Longer than a busy machine needs to start a dozen processes."""
+"""More than a busy machine needs to start a dozen processes."""
 RECORDER_GRACE_S: Final = 30.0
-"""Longer than a busy machine needs to write the end of a recording."""
+"""More than a busy machine needs to write the end of a recording."""
 RESOURCE: Final = "robotoffload.json"
-"""Beside the recording: what ran, for whoever looks at it later."""
+"""File beside the recording with the resource that ran, for later viewers."""
 STATE_FILE: Final = "cloud-state.json"
 _LOOK_S: Final = 0.05
 _REST_S: Final = 0.5
-"""The run goes on for this long after the goal is reached, so that the stop is seen."""
+"""How long the run goes on after the goal is reached, so that the stop is seen."""
 _RESULT_S: Final = 5.0
-"""A client's result comes at the latest so long after that: else the run ends without it."""
+"""How long after the goal a client's result is awaited; then the run ends without it."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,11 @@ class DemoOptions:
         seed: of link and world.
         out: folder for the report.
         realtime: ask for real-time priority.
-        transport: a transport type instead of the specification's; empty for that.
+        transport: a transport type instead of the specification's; empty: the specification's.
         domains: ROS domains of robot and cloud; None picks free ones.
         adapt: changes the resource before it runs.
         longest_s: see duration_s.
-        seen: what else shows the run; gets the view and the system that is about to start.
+        seen: adds another display of the run; gets the view and the system that is about to start.
     """
 
     spec: Path
@@ -110,9 +110,9 @@ class DemoResult:
 
     Attributes:
         report: as in report.json.
-        recording: the file that the report was made of.
-        trouble: what ended the run early, other than the user; empty when nothing did.
-        standstill: what is to be said of a machine that stood still; empty when it ran all the time.
+        recording: the file from which the report was made.
+        trouble: what, other than the user, ended the run early; empty when nothing did.
+        standstill: a sentence about a machine that stood still; empty when it ran all the time.
     """
 
     report: Mapping[str, Any]
@@ -165,7 +165,7 @@ def run(options: DemoOptions, view: View) -> DemoResult:
 
 
 def manifest(offload: RobotOffload) -> dict[str, Any]:
-    """Return a resource as its YAML has it, defaults included."""
+    """Return a resource as in its YAML, defaults included."""
     written: dict[str, Any] = offload.model_dump(mode="json", by_alias=True, exclude_none=True)
     return written
 
@@ -221,7 +221,7 @@ def write_report(
 
 
 def agent_errors(system: System) -> Iterator[str]:
-    """Yield what the agents called errors, such as a process that died: one line for each agent that had any."""
+    """Yield one line for each agent that logged errors, such as a process that died."""
     for side in system.sides:
         log = system.logs / f"{side}-agent.log"
         errors = [line for line in log.read_text(errors="replace").splitlines() if " ERROR " in line]
@@ -234,7 +234,7 @@ def agent_errors(system: System) -> Iterator[str]:
 
 @dataclass
 class StopRequest:
-    """Whether somebody asked us to stop, and how."""
+    """Whether the user or a signal asked for a stop, and how."""
 
     signal: signal.Signals | None = None
 
@@ -244,7 +244,7 @@ class StopRequest:
 
 @contextmanager
 def stop_requests() -> Iterator[StopRequest]:
-    """Take Ctrl-C, SIGTERM and a closed terminal as a request to end in order; a second Ctrl-C ends at once."""
+    """Take Ctrl-C, SIGTERM and a closed terminal as a request for an orderly end; a second Ctrl-C ends at once."""
     request = StopRequest()
 
     def on_signal(number: int, _frame: FrameType | None) -> None:
@@ -253,7 +253,7 @@ def stop_requests() -> Iterator[StopRequest]:
         request.signal = signal.Signals(number)
 
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    # What our caller has us ignore (nohup, a background job) stays ignored.
+    # Signals that our caller made us ignore (nohup, a background job) stay ignored.
     heeded = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, on_signal) for number in heeded}
     try:
@@ -281,7 +281,7 @@ def _claim(out: Path, stack: ExitStack) -> None:
 
 
 def _clear(system: System) -> None:
-    """Remove what an earlier run has left, and nothing else."""
+    """Remove the files of an earlier run, and nothing else."""
     for name in (
         "report.json",
         "report.html",
@@ -319,7 +319,7 @@ class Demo:
         """Share of all cores that was in use in that time, 0..1."""
 
     def go(self, duration_s: float | None, longest_s: float) -> str:
-        """Start, watch and end; return what went wrong on the way, empty when nothing did."""
+        """Start, watch and end the run; return what went wrong, empty when nothing did."""
         with ExitStack() as stack:
             if self._system.wired and not self._system.joined_by_dds_wire:
                 self._wire = stack.enter_context(EmulatedWire(wire_config(self._system), self._system.temporary))
@@ -330,7 +330,7 @@ class Demo:
             trouble = self._drive(duration_s, longest_s)
             after = usage.read(self._programs.pids)
             self.processor, self.busy_share = usage.percent(before, after), usage.busy_share(before, after)
-            # The recorder hears that the run is over before anything else ends.
+            # The recorder is informed that the run is over before anything else ends.
             self._programs.finish(RECORDER, {"end": steady_s()}, RECORDER_GRACE_S)
             self._programs.processes.end(MCAP, RECORDER_GRACE_S)
             self._view.say("Ending the processes")
@@ -346,7 +346,7 @@ class Demo:
             self._programs.start(program)
 
     def _await_up(self) -> None:
-        """Wait until every output is heard, the robot's nodes are configured and the two agents have met."""
+        """Wait until every output was received, the robot's nodes are configured and the two agents have met."""
         began_s = steady_s()
         give_up_s = began_s + START_TIMEOUT_S
         while self._missing():
@@ -357,7 +357,7 @@ class Demo:
         self._view.say(f"Up after {steady_s() - began_s:.1f} s")
 
     def _missing(self) -> str:
-        """Return what is not up yet, in words; empty when all is."""
+        """Return in words what is not up yet; empty when everything is."""
         watch = self._watch
         missing = [f"nothing was heard on {topic}" for topic in watch.missing()]
         if watch.placement is None:
@@ -378,7 +378,7 @@ class Demo:
         self._programs.command(RECORDER, {"start": dataclasses.asdict(run_info(self._system, start_s))})
 
     def _drive(self, duration_s: float | None, longest_s: float) -> str:
-        """Follow the run until the goal, the duration, a signal or the death of a process; return the last."""
+        """Follow the run until the goal, the duration, a signal or the death of a process; return how it died."""
         assert self._watch.start_s is not None
         end_s = self._watch.start_s + (longest_s if duration_s is None else duration_s)
         resting, ended_s = False, 0.0
@@ -396,7 +396,7 @@ class Demo:
         return ""
 
     def _look(self) -> None:
-        """Take in what the recorder prints, for a short while, and show the state of the run."""
+        """Read the recorder's output for a short while, and show the state of the run."""
         self._programs.look(_LOOK_S)
         now_s = steady_s()
         self._watch.attend(now_s)

@@ -1,6 +1,6 @@
 """The programs of one run together: started, followed by what they print, waited for, and ended.
 
-The demo, the worlds and the stages of the bench all stand on this. What a printed line means is for them to say.
+The demo, and the worlds and stages of the bench, are built on this. They interpret the printed lines.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from robot_offload_lab.run.processes import Processes, Program
 from robot_offload_lab.wire.loop import steady_s
 
 LOOK_S: Final = 0.02
-"""How long one look waits for a line; conditions are asked as often."""
+"""How long one look waits for a line; conditions are checked as often."""
 _TAIL: Final = 6
 """Lines of each log that an error shows."""
 
 
 class StartError(RobotOffloadError):
-    """A run did not come as far as it should; the message has the last words of the processes."""
+    """A run did not get as far as it should; the message has the last log lines of the processes."""
 
     def __init__(self, problem: str, said: Mapping[str, Sequence[str]], logs: Path) -> None:
         self._lines = [problem]
@@ -33,19 +33,19 @@ class StartError(RobotOffloadError):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The problem, the last words of the processes, what to do."""
+        """The problem, the last log lines of the processes, what to do."""
         return tuple(self._lines)
 
 
 class Ensemble:
-    """Programs that run together. Needs `Processes`, which ends them when it is left."""
+    """Programs that run together. Needs `Processes`, whose exit ends them."""
 
     def __init__(self, processes: Processes, logs: Path, on_line: Callable[[str, str], None]) -> None:
         """Prepare; start nothing.
 
         Args:
             processes: starts and ends them.
-            logs: where they log, for messages.
+            logs: folder of their logs, for messages.
             on_line: called with the name of a program and each line that the program prints.
         """
         self.processes = processes
@@ -80,7 +80,7 @@ class Ensemble:
             condition: asked after each look.
             what: the condition in words, for the error.
             patience_s: how long to wait, seconds.
-            words_of: programs whose last words the error shows; empty: all.
+            words_of: programs whose last log lines the error shows; empty: all.
 
         Raises:
             StartError: the condition did not come true, or a program ended.
@@ -96,8 +96,8 @@ class Ensemble:
 
         Args:
             what: what the run waits for, in words.
-            missing: why it waits no longer; None: it does.
-            words_of: programs whose last words the error shows; empty: all.
+            missing: why it stopped waiting; None: it still waits.
+            words_of: programs whose last log lines the error shows; empty: all.
 
         Raises:
             StartError: a program has ended, or something is missing.
@@ -117,7 +117,7 @@ class Ensemble:
             self.look(min(left_s, LOOK_S))
 
     def look(self, seconds: float) -> None:
-        """Take in what was printed; wait up to `seconds` for something."""
+        """Read what was printed; wait up to `seconds` for output."""
         for name, line in self._pipes.look(seconds):
             self._on_line(name, line)
 

@@ -20,7 +20,7 @@ _DOMAINS: Final = range(215, 232)
 """The domains whose ports (7400 + 250 * domain) lie above Linux's ephemeral ones (32768 to 60999)."""
 _PORTS_PER_DOMAIN: Final = 250
 _PORTS: Final = range(20_000, 32_000)
-"""Below the ephemeral ports, so that nobody gets ours by chance between our look and the agents' start."""
+"""Below the ephemeral ports, so that no program gets ours by chance between our check and the agents' start."""
 
 
 def free_ports() -> tuple[tuple[int, int], tuple[int, int]]:
@@ -51,7 +51,7 @@ def _is_free(port: int, stack: ExitStack) -> bool:
 
 
 def free_domains() -> tuple[int, int]:
-    """Return two ROS domains that no process of this machine uses, and reserves them while this process lives.
+    """Return two ROS domains that no process of this machine uses, and reserve them while this process lives.
 
     Raises:
         RobotOffloadError: there are none.

@@ -1,4 +1,4 @@
-"""Interface packages made on the spot, as a user's own are: generators and a compiler, without a build system.
+"""Interface packages built on the spot, such as a user's own: with generators and a compiler, no build system.
 
 The wheels hold the generators that `rosidl_generate_interfaces` runs; their command line stumbles over entry points
 that the wheels name twice, so they are called one by one. A process that uses the package needs `environment`.
@@ -41,7 +41,7 @@ from robot_offload.errors import RobotOffloadError
 
 
 def _prefix() -> Path:
-    """Return where ROS 2 itself is: of a sourced installation, or with the wheels of this environment."""
+    """Return where ROS 2 itself is: in a sourced installation, or among the wheels of this environment."""
     sourced = [Path(text) for text in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if text]
     return next((path for path in sourced if (path / "include" / "rosidl_runtime_c").is_dir()), Path(sys.prefix))
 
@@ -67,7 +67,7 @@ class Package:
     interfaces: dict[str, str]
 
     def sources(self) -> dict[str, str]:
-        """Return which sources go into which library."""
+        """Return the sources of each library."""
         return {
             "rosidl_generator_c": f"{self.name}/*/detail/*.c",
             "rosidl_typesupport_fastrtps_c": f"{self.name}/*/detail/*__type_support_c.cpp",
@@ -114,7 +114,7 @@ def read(folder: Path) -> Package:
 
 
 def cached(package: Package) -> Path:
-    """Return what has to be on the search paths, from the user's cache, where a package is made once.
+    """Return the folder for the search paths, from the user's cache, where a package is made once.
 
     Raises:
         InterfacesError: there is no compiler, or the compiler refuses.
@@ -122,10 +122,10 @@ def cached(package: Package) -> Path:
     target = _place(package)
     if not is_cached(package):
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Made beside and renamed: a half-made package is never found, and two makers do not meet.
+        # Made beside and renamed: a half-made package is never found, and two makers do not collide.
         with tempfile.TemporaryDirectory(prefix="making-", dir=target.parent) as temporary:
             make(Path(temporary), package)
-            with contextlib.suppress(OSError):  # somebody else was faster
+            with contextlib.suppress(OSError):  # another process was faster
                 Path(temporary).rename(target)
             Path(temporary).mkdir(exist_ok=True)
     return target / "made"
@@ -142,14 +142,14 @@ def _place(package: Package) -> Path:
 
 
 def _fingerprint(package: Package) -> str:
-    """Return what tells packages apart: definitions, and the versions that decide what is made of them."""
+    """Return what distinguishes packages: definitions, and the versions of what generates code from them."""
     versions = sorted(f"{it.name} {it.version}" for it in importlib.metadata.distributions() if "rosidl" in it.name)
     text = repr((package, versions, sys.version))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def make(folder: Path, package: Package) -> Path:
-    """Build a package below a folder; return what has to be on the search paths. Take some seconds.
+    """Build a package below a folder; return the folder for the search paths. This takes some seconds.
 
     Raises:
         InterfacesError: there is no compiler, or the compiler refuses.
@@ -177,19 +177,19 @@ def make(folder: Path, package: Package) -> Path:
 
 
 def load(made: Path, package: Package) -> None:
-    """Let this process find the package's libraries: it began before LD_LIBRARY_PATH could say where they are."""
+    """Let this process find the package's libraries: it started before LD_LIBRARY_PATH could include them."""
     for kind in LIBRARIES:
         ctypes.CDLL(str(made / f"lib{package.name}__{kind}.so"))
 
 
 def environment(*made: Path) -> dict[str, str]:
-    """Return the variables of a process that finds the packages."""
+    """Return the variables with which a process finds the packages."""
     paths = ":".join(map(str, made))
     return {name: f"{paths}:{os.environ.get(name, '')}".strip(":") for name in ("PYTHONPATH", "LD_LIBRARY_PATH")}
 
 
 def _generate(package: Package, folder: Path, source: Path, introspection: Path) -> None:
-    """Write all sources. The generators read their input relative to the working folder; two write the same names."""
+    """Write all sources. The generators read input relative to the working folder; two write files of one name."""
     name = package.name
     for file, text in package.interfaces.items():
         path = folder / "idl" / name / file
@@ -253,7 +253,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for path in made[-1].parent.iterdir():
             if path != made[-1]:
                 shutil.rmtree(path)
-    # What the environment has at build time is not the image's.
+    # The environment at build time is not that of the image.
     lines = [
         f'export {name}="{":".join(map(str, made))}${{{name}:+:${name}}}"\n'
         for name in ("PYTHONPATH", "LD_LIBRARY_PATH")

@@ -1,9 +1,8 @@
-"""Finding and ending every process of one run, whoever started it: the run's mark is in its environment.
+"""Finding and ending every process of one run, whatever started it: the run's mark is in its environment.
 
 A process inherits its environment, so the mark reaches children of children and daemons that have left their group.
 Also a program, the run's warden: `python -m robot_offload_lab.run.marked RUN [FOLDER]` waits until its standard input
-ends, which the kernel does for it however the one dies that started it, then ends what carries the mark and removes the
-folder.
+ends, then ends what carries the mark and removes the folder. However its parent dies, the kernel closes that input.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ def find(run: str, mark: str = MARK) -> tuple[int, ...]:
 
     Args:
         run: its name.
-        mark: the environment variable, for one who marks processes that mark their own with `MARK`.
+        mark: the environment variable; another than `MARK` if the marked processes mark children of their own.
     """
     wanted = f"{mark}={run}".encode()
     found = []
     for folder in Path("/proc").iterdir():
-        # A process may end while we look; others' environments may not be read.
+        # A process may end meanwhile; the environments of other users' processes may not be read.
         with suppress(OSError):
             if folder.name.isdigit() and wanted in (folder / "environ").read_bytes().split(b"\0"):
                 found.append(int(folder.name))
@@ -45,7 +44,7 @@ def find(run: str, mark: str = MARK) -> tuple[int, ...]:
 
 
 def named(pids: Iterable[int]) -> list[str]:
-    """Return each process's number and command line, for people who must find out what was left behind."""
+    """Return each process's number and command line, so that people can find out what was left behind."""
     return [f"{pid}: {_command(pid)}" for pid in pids]
 
 

@@ -1,4 +1,4 @@
-"""Where the executable of a ROS package is: by the ament index, as `ros2 run` does it, without that program."""
+"""Finds the executable of a ROS package by the ament index, as `ros2 run` does, but without that program."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def executable(package: str, name: str, environment: Mapping[str, str]) -> Path:
         environment: holds AMENT_PREFIX_PATH, which a workspace's setup file sets.
 
     Raises:
-        NotInstalledError: no workspace is sourced, or none of them has the package or the executable; says which ones
-            there are.
+        NotInstalledError: no workspace is sourced, or none of them has the package or the executable; names those
+            that exist.
     """
     prefixes = [Path(text) for text in environment.get(PREFIXES, "").split(os.pathsep) if text]
     if not prefixes:

@@ -13,7 +13,7 @@ _BLOCK_BYTES = 1 << 16
 
 
 class Pipes:
-    """Standard input and output of children, by name. For one thread; reading never waits longer than given."""
+    """Standard input and output of children, by name. For one thread; reading never waits longer than requested."""
 
     def __init__(self) -> None:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
@@ -29,7 +29,7 @@ class Pipes:
         self._children[name] = child
 
     def close(self, name: str) -> None:
-        """End a child's standard input, and follow it no more."""
+        """Close a child's standard input and stop following it."""
         child = self._children.pop(name)
         self._unread.pop(name, None)
         if child.stdin is not None:
@@ -37,7 +37,7 @@ class Pipes:
                 child.stdin.close()
 
     def command(self, name: str, command: Mapping[str, object]) -> None:
-        """Write one command. A child that has ended takes none, which `Ensemble.check` reports."""
+        """Write one command. A command to a child that has ended is dropped; `Ensemble.check` reports that."""
         pipe = self._children[name].stdin
         assert pipe is not None
         with suppress(BrokenPipeError):
@@ -45,7 +45,7 @@ class Pipes:
             pipe.flush()
 
     def look(self, seconds: float) -> Iterator[tuple[str, str]]:
-        """Yield (name, line) of what has come; wait up to `seconds` for something."""
+        """Yield (name, line) of what was printed; wait up to `seconds` for output."""
         found = {child.stdout.fileno(): name for name, child in self._children.items() if child.stdout is not None}
         for descriptor in select.select(list(found), [], [], seconds)[0]:
             name = found[descriptor]

@@ -1,8 +1,8 @@
 """Child processes of one run that never outlive it.
 
-Three nets under each other: leaving `Processes` ends every group it has started; a warden process (see `marked`) does
-the same when this process is killed; and the kernel ends each child that has lost its parent. So nothing is left
-behind by exceptions, Ctrl-C, SIGTERM, a closed terminal or `kill -9`.
+Three safety nets: leaving `Processes` ends every group it has started; a warden process (see `marked`) does the same
+when this process is killed; and the kernel ends each child that has lost its parent. So exceptions, Ctrl-C, SIGTERM, a
+closed terminal or `kill -9` leave nothing behind.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Ended:
 
 
 class Processes:
-    """Starts programs, each in a session and process group of its own, and ends them all when it is left."""
+    """Starts programs, each in its own session and process group, and ends all of them on exit."""
 
     def __init__(self, run: str, logs: Path, temporary: Path) -> None:
         """Prepare; start nothing.
@@ -83,7 +83,7 @@ class Processes:
         Args:
             run: marks the environment of all processes of this run.
             logs: folder of the log files, which must exist.
-            temporary: folder that the warden removes should we die.
+            temporary: folder that the warden removes if this process dies.
         """
         self._run = run
         self._logs = logs
@@ -125,7 +125,7 @@ class Processes:
                     f"{program.name}: {program.command[0]} cannot be started: {error.strerror}; is it installed?"
                 ) from error
         if program.priority:
-            # Its threads will inherit it; so soon after the start it has none yet.
+            # Its threads will inherit it; right after the start it has none yet.
             with suppress(PermissionError, ProcessLookupError):
                 os.sched_setscheduler(child.pid, os.SCHED_FIFO, os.sched_param(program.priority))
         self._children[program.name] = child
@@ -144,7 +144,7 @@ class Processes:
         return tuple(line for line in text.splitlines() if line.strip())[-_LAST_LINES:]
 
     def first_ended(self) -> Ended | None:
-        """Return a process that ended although nobody has stopped it; None while all run."""
+        """Return a process that ended without being stopped; None while all run."""
         for name, child in self._children.items():
             code = child.poll()
             if code is not None:
@@ -167,7 +167,7 @@ class Processes:
         _close_pipes(child)
 
     def stop(self) -> None:
-        """End all; legal at any time. Return when none is left."""
+        """End all, and return when none is left; may be called at any time."""
         children = list(self._children.values())
         for child in children:
             _signal_group(child, signal.SIGTERM)
@@ -187,7 +187,7 @@ class Processes:
 
 
 def _end_with_parent() -> None:
-    """Run in the child before the program: the kernel shall end it when we die."""
+    """Run in the child before the program: have the kernel end it when its parent dies."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
 
 

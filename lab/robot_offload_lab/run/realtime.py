@@ -7,7 +7,7 @@ import threading
 from typing import Final
 
 HIGHEST_PRIORITY: Final = 20
-"""Above every process of a run, and what the bundle's unit permits (LimitRTPRIO)."""
+"""Above every process of a run; the highest that the bundle's unit permits (LimitRTPRIO)."""
 
 
 def take(priority: int) -> bool:
@@ -20,7 +20,7 @@ def take(priority: int) -> bool:
 
 
 def is_permitted() -> bool:
-    """Return whether processes that this one starts may take real-time priority; a thread that ends tries it."""
+    """Return whether processes that this one starts may take real-time priority; a short-lived thread tries it."""
     answers: list[bool] = []
     thread = threading.Thread(target=lambda: answers.append(take(HIGHEST_PRIORITY)), name="realtime")
     thread.start()

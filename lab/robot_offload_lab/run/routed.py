@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 VARIABLE: Final = "DDSROUTER_BIN"
 ROUTER_PRIORITY: Final = 5
-"""As in the bundle's unit, and as the tunnel asks for."""
+"""As in the bundle's unit, and as the tunnel requests."""
 _NAMES: Final = {"robot": router.ROBOT, "cloud": router.CLUSTER}
 
 
@@ -29,11 +29,11 @@ def binary() -> str:
 
 
 def programs(system: System, certificates: CertificatePaths) -> Iterator[Program]:
-    """Yield router and tunnel of both sides. Write their files.
+    """Yield router and tunnel of both sides, and write their files.
 
     The connection of the tunnel goes through the emulated link's port for data over TCP.
     """
-    # The agents have no sessions of their own that would use the ports of the pulse.
+    # The agents have no sessions of their own, so the ports of the pulse are unused.
     meeting, listening = system.served[0], free_ports()[0][0]
     dialled, served = (f"{HOST}:{ports[1]}" for ports in (system.dialled, system.served))
     router_address, proof = f"{dds_router_xml.HOST}:{listening}", _proof(certificates.cloud)

@@ -1,4 +1,4 @@
-"""What an example says of itself for a demo, in a file `demo.yaml` beside its RobotOffload."""
+"""What an example states about itself for a demo, in a file `demo.yaml` beside its RobotOffload."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Together(BaseModel):
     """Nodes that share one process on each side, as components of a container do.
 
     Attributes:
-        name: of the process.
-        command: the program; the names of the nodes that it shall run follow, then their ROS arguments.
+        name: name of the process.
+        command: the program; the names of the nodes to run are appended, then their ROS arguments.
         nodes: the nodes, by their names in the RobotOffload. They need no `run` of their own.
     """
 
@@ -33,11 +33,11 @@ class Showcase(BaseModel):
     """The content of the file.
 
     Attributes:
-        state: topic on which the application gives an account of its drive (`judge.translate.drive`); empty: it does
-            not, and the report has nothing of collisions, stops and goal.
-        account: topic on which a client on the robot says what became of its goals and calls (`judge.accounts`).
-        restored: topic on which the acting replica of a node with state says how old the state was that it began with.
-        interfaces: folders of interface packages that the nodes need and that no wheel has; made before the run.
+        state: topic on which the application reports its drive (`judge.translate.drive`); empty: it does not, and the
+            report lacks collisions, stops and goal.
+        account: topic on which a client on the robot reports what became of its goals and calls (`judge.accounts`).
+        restored: topic on which the acting replica of a node with state reports how old its initial state was.
+        interfaces: folders of interface packages that the nodes need and no wheel contains; built before the run.
         processes: which nodes share a process; every other node has one of its own.
     """
 
@@ -56,10 +56,10 @@ class Showcase(BaseModel):
 
 
 def showcase(spec: Path) -> Showcase:
-    """Read the file beside a RobotOffload; an example without one has nothing to say.
+    """Read the file beside a RobotOffload; return an empty Showcase without one.
 
     Raises:
-        InputError: the file is there and cannot be understood.
+        InputError: the file exists but cannot be understood.
     """
     path = spec.parent / FILE
     try:

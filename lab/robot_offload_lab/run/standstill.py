@@ -1,4 +1,4 @@
-"""Whether this machine stood still during a run: then silence and switches say nothing about the link or the agents."""
+"""Whether this machine stood still during a run: then silence and switches prove nothing about link or agents."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from robot_offload_lab.run import realtime
 
 STEP_S = 0.01
 STOOD_S = 0.1
-"""A process that asks for a hundredth of a second and gets it so much later did not run: six of the agents' turns."""
+"""A sleep of STEP_S that ends this much late is a standstill: six of the agents' turns."""
 
 
 class Standstill:
-    """A process that does nothing but look at two clocks, for as long as the context lasts.
+    """A process that only compares two clocks for as long as the context lasts.
 
     A thread of the demo would wait for the demo's other threads, and those for the processes of the run.
 
     Attributes:
-        lengths_s: how much longer each of its sleeps took that took too long.
-        suspended_s: how long the machine was suspended: only the clock that counts that went on.
+        lengths_s: by how much each sleep that took too long exceeded its time.
+        suspended_s: how long the machine was suspended: only the clock that includes suspension went on.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Standstill:
             self.lengths_s.append(passed_s - STEP_S)
 
     def sentence(self) -> str:
-        """Return what people should know of it; "" when the machine ran all the time."""
+        """Return a sentence for people; "" when the machine ran all the time."""
         if not self.lengths_s:
             return ""
         times = "once" if len(self.lengths_s) == 1 else f"{len(self.lengths_s)} times"
@@ -75,8 +75,8 @@ class Standstill:
 
 
 def watch() -> None:
-    """Look until standard input ends, then print what was found as JSON."""
-    realtime.take(realtime.HIGHEST_PRIORITY)  # else it would wait for the run, which is allowed to keep it waiting
+    """Watch until standard input ends, then print what was found as JSON."""
+    realtime.take(realtime.HIGHEST_PRIORITY)  # otherwise the processes of the run could delay it
     found = Standstill()
     while not select.select([sys.stdin], [], [], STEP_S)[0]:
         found.look()

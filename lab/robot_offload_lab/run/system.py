@@ -38,11 +38,11 @@ MCAP: Final = "mcap"
 DDS_WIRE: Final = "dds-wire"
 NODE_PRIORITY: Final = 3
 RECORDER_PRIORITY: Final = 4
-"""Both below the agents' own (5 and 10): what observes or is observed never holds up what acts."""
+"""Both below the agents' own (5 and 10), so that observers and observed nodes never hold up the agents."""
 
 
 class Mode(StrEnum):
-    """What is run: both sides; no cloud side at all; no replicas on the robot."""
+    """Which sides run: both; no cloud side at all; no replicas on the robot."""
 
     OFFLOAD = "offload"
     ROBOT_ONLY = "robot-only"
@@ -51,7 +51,7 @@ class Mode(StrEnum):
 
 _FOREIGN: Final = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE",
                    "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_ENVIRONMENT_FILE", "CYCLONEDDS_URI")  # fmt: skip
-"""Variables of the caller that would join or tear apart the sides."""
+"""Variables of the caller that would join or separate the sides."""
 
 
 @dataclass(frozen=True)
@@ -62,18 +62,18 @@ class System:
         offload: the resource, already changed for the mode.
         source: folder of the specification; commands are relative to it.
         mode: see Mode.
-        run: names the run; unique on this machine.
-        out: folder for everything that stays.
+        run: name of the run, unique on this machine.
+        out: folder for everything that is kept.
         temporary: folder for sockets; short, because the kernel allows them 107 bytes.
         domains: ROS_DOMAIN_ID of the robot's and of the cloud's side.
         link: what the wire does.
         seed: of everything random.
         realtime: whether everything runs under real-time priority, where that is permitted.
-        said: what the example says of itself: topics of its accounts, processes that nodes share.
-        interfaces: where the interface packages were made that the nodes need.
+        said: what the example states about itself: topics of its reports, processes that nodes share.
+        interfaces: where the interface packages that the nodes need were made.
         dialled, served: ports of pulse and data session, as the robot dials and the cloud serves them.
         cloud_host: where the cloud listens.
-        state_file: where the cloud's agent writes what it does, for a console; empty: nowhere.
+        state_file: where the cloud's agent writes its state for a console; empty: nowhere.
     """
 
     offload: RobotOffload
@@ -95,12 +95,12 @@ class System:
 
     @property
     def settings_file(self) -> str:
-        """Where the cloud's agent reads what a person changes on a console's page; empty: there is no console."""
+        """File from which the cloud's agent reads changes made on a console's page; empty: there is no console."""
         return f"{self.state_file}.settings.yaml" if self.state_file and self.mode is Mode.OFFLOAD else ""
 
     @property
     def uid(self) -> str:
-        """The identity of both agents: a host has one agent of each, and may have several runs."""
+        """The identity of both agents. A host has one agent of each side, but may have several runs."""
         return f"{self.offload.metadata.name[:40]}-{self.run}"
 
     @property
@@ -115,14 +115,14 @@ class System:
 
     @property
     def outputs(self) -> dict[str, str]:
-        """The collected outputs but the accounts, with their types; an empty type is read from the running system."""
+        """The collected outputs except the reports, with types; an empty type is read from the running system."""
         accounts = self.said.accounts.values()
         outputs = [output for _, output in self.spec.collected_outputs if output.topic not in accounts]
         return {output.topic: output.type or "" for output in outputs}
 
     @property
     def awaited(self) -> tuple[str, ...]:
-        """The outputs that are heard all the time: those with a rate and without a condition."""
+        """The outputs that are published all the time: those with a rate and without a condition."""
         return tuple(topic for topic in self.outputs if topic not in silent_at_times(self.spec))
 
     @property
@@ -157,7 +157,7 @@ class System:
 
     @property
     def logs(self) -> Path:
-        """Where every process writes."""
+        """The folder of all logs."""
         return self.out / "logs"
 
     @property
@@ -167,7 +167,7 @@ class System:
 
     @property
     def recording(self) -> Path:
-        """What the recorder writes."""
+        """The recorder's file."""
         return self.out / "recording.jsonl"
 
     @property
@@ -180,10 +180,10 @@ def adapted(offload: RobotOffload, mode: Mode, seed: int, transport: str = "") -
     """Return the resource as this run needs it.
 
     Args:
-        offload: as the user wrote it.
+        offload: the resource as the user wrote it.
         mode: robot-only and cloud-only pin the placement.
         seed: replaces the parameter `seed` of every node that has one.
-        transport: a transport type instead of the specification's; empty for that.
+        transport: a transport type instead of the specification's; empty: the specification's.
     """
     spec = offload.spec
     switching = spec.switching
@@ -203,10 +203,10 @@ def _seeded(node: Node, seed: int) -> Node:
 
 
 def check_runnable(offload: RobotOffload, file: Path, said: Showcase | None = None) -> None:
-    """Check that everything that the run needs can be started; `said` is what the example says of itself.
+    """Check that everything that the run needs can be started; `said` is what the example states about itself.
 
     Raises:
-        NotRunnableError: with a line for each node that cannot.
+        NotRunnableError: has a line for each node that cannot be started.
     """
     sharing = {name for shared in (said.processes if said else ()) for name in shared.nodes}
     unknown = sharing - {node.name for node in offload.spec.nodes}
@@ -233,7 +233,7 @@ def _not_installed(run: Run) -> Iterator[str]:
 
 
 class NotRunnableError(InputError):
-    """A specification that is right but cannot be run on this machine."""
+    """A valid specification that cannot be run on this machine."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         self._problems = tuple(problems)
@@ -254,7 +254,7 @@ def run_info(system: System, start_s: float) -> RunInfo:
 
 
 def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]:
-    """Return everything that runs beside the wire, in the order in which it is started. Write the agents' files.
+    """Return everything that runs beside the wire, in starting order, and write the agents' files.
 
     Args:
         system: what to run.
@@ -276,7 +276,7 @@ def programs(system: System, clients: Sequence[str] = ()) -> tuple[Program, ...]
 
 
 def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
-    """Yield what joins the two domains: DDS Routers where they are meant and there, else the emulated DDS link."""
+    """Yield what joins the two domains: DDS Routers where wanted and installed, else the emulated DDS link."""
     if system.routed:
         yield from routed.programs(system, certificates)
     elif system.joined_by_dds_wire:
@@ -284,7 +284,7 @@ def joined(system: System, certificates: CertificatePaths) -> Iterator[Program]:
 
 
 def recorder(system: System) -> Program:
-    """Return the consumer that writes down what it gets."""
+    """Return the consumer that records what it receives."""
     command = [sys.executable, "-m", "robot_offload_lab.judge.recorder", str(system.recording)]
     for topic, type_name in system.outputs.items():
         command += ["--topic", f"{topic}={type_name}"]
@@ -297,7 +297,7 @@ def recorder(system: System) -> Program:
 
 
 def recording_in_the_fields_format(system: System) -> Program:
-    """Return what records the robot's side as MCAP, as the robot's own command does; read the robot's file."""
+    """Return the program that records the robot's side as MCAP, like the robot's own command; it reads its file."""
     command = ("record", "--params", str(system.out / "robot.yaml"), "--output", str(system.mcap))
     return Program(
         MCAP, (sys.executable, "-m", "robot_offload_agent.main", *command), system.out, environment(system, "robot")
@@ -305,7 +305,7 @@ def recording_in_the_fields_format(system: System) -> Program:
 
 
 def dds_wire(system: System) -> Program:
-    """Return what carries topics between the two domains where the agents have no sessions of their own."""
+    """Return the program that carries topics between the domains when the agents have no sessions of their own."""
     file = system.out / "dds-wire.json"
     config = DdsWireConfig(system.domains, carried(system.spec), system.link, system.seed)
     file.write_text(config.to_json(), encoding="utf-8")
@@ -315,7 +315,7 @@ def dds_wire(system: System) -> Program:
 
 
 def agent(system: System, side: Side, certificates: CertificatePaths, observers: Sequence[str] = ()) -> Program:
-    """Return the agent of one side, and write its file; `observers` may listen at the cloud's."""
+    """Return the agent of one side, and write its file; `observers` may listen to the cloud's agent."""
     files = certificates.robot if side == "robot" else certificates.cloud
     ports = system.dialled if side == "robot" else system.served
     site = AgentSite(
@@ -342,7 +342,7 @@ def agent(system: System, side: Side, certificates: CertificatePaths, observers:
 
 
 def fresh_state(system: System, side: Side) -> Path:
-    """Return the folder in which a side's agent keeps what outlives it, its black box too; of earlier runs emptied."""
+    """Return the folder, emptied of earlier runs, for what outlives a side's agent, its black box included."""
     folder = system.out / "state" / side
     shutil.rmtree(folder, ignore_errors=True)
     return folder
@@ -411,7 +411,7 @@ def _domain(system: System, side: Side) -> int:
 
 
 def wire_config(system: System) -> WireConfig:
-    """Return the emulated link: every port in both protocols; TLS over TCP carries the fallback and the tunnel."""
+    """Return the emulated link: every port in both protocols. TLS over TCP carries the fallback and the tunnel."""
     forwards = []
     for session, dialled, served in zip(("pulse", "data"), system.dialled, system.served, strict=True):
         forwards.append(Forward(session, "udp", f"{HOST}:{dialled}", f"{HOST}:{served}"))

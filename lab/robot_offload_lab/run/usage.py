@@ -18,7 +18,7 @@ class ProcessorTime:
     Attributes:
         t_s: when it was read, steady clock.
         used_s: seconds of one core, by program.
-        idle_s: seconds in which a core of the machine had nothing to do, of all cores together.
+        idle_s: idle seconds of the machine's cores, summed over all cores.
     """
 
     t_s: float
@@ -27,7 +27,7 @@ class ProcessorTime:
 
 
 def read(pids: Mapping[str, int]) -> ProcessorTime:
-    """Return what the programs have used so far; one that has ended is left out."""
+    """Return what the programs have used so far; programs that have ended are left out."""
     used_s = {}
     for name, pid in pids.items():
         with suppress(psutil.Error):
@@ -45,6 +45,6 @@ def percent(before: ProcessorTime, after: ProcessorTime) -> dict[str, float]:
 
 
 def busy_share(before: ProcessorTime, after: ProcessorTime) -> float:
-    """Return the share of all cores that was in use between two readings, by whatever program, 0..1."""
+    """Return the share of all cores that was in use between two readings, by any program, 0..1."""
     elapsed_s = max(after.t_s - before.t_s, 1e-3) * (psutil.cpu_count() or 1)
     return min(1.0, max(0.0, 1.0 - (after.idle_s - before.idle_s) / elapsed_s))

@@ -1,1 +1,1 @@
-"""Shows a run while it runs: a live picture or a line an event, and a summary at the end."""
+"""Shows a run while it runs: a live picture or one line per event, and a summary at the end."""

@@ -10,7 +10,7 @@ from robot_offload_lab.judge.untried import untried
 
 
 def summary(report: Mapping[str, Any], out: Path) -> tuple[str, ...]:
-    """Return what matters most of `report`, and where the rest is."""
+    """Return the most important lines of `report`, and where the rest is."""
     return (
         "",
         f"{report['mode']}, seed {report['seed']}: {_ending(report)}",

@@ -1,6 +1,6 @@
 """What a person sees while a run goes on: a live picture on a terminal, or one line per event.
 
-A view never fails: when nobody reads any more (a closed terminal, the end of a pipe) it falls silent.
+A view never fails: when its reader is gone (a closed terminal, the end of a pipe) it falls silent.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Terminal(Console):
     """A console that falls silent at the end of its pipe instead of ending the program."""
 
     def on_broken_pipe(self) -> None:
-        """Let the rest go nowhere, also what Python itself still holds for the pipe."""
+        """Discard all further output, including what Python has buffered for the pipe."""
         self.quiet = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self.file.fileno())
@@ -46,14 +46,14 @@ class View(Protocol):
         """Show a step of the preparation or of the end."""
 
     def show(self, watch: LiveRun, now_s: float) -> None:
-        """Show the present state; called some times a second."""
+        """Show the present state; called several times a second."""
 
     def close(self) -> None:
-        """End the picture; later lines come below."""
+        """End the picture; later lines are printed below it."""
 
 
 class LineView:
-    """One line per event, for logs, pipes and people who like it quiet."""
+    """One line per event, for logs, pipes and people who prefer less output."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -75,7 +75,7 @@ class LineView:
 
 
 class LiveView:
-    """A picture that is drawn anew ten times a second."""
+    """A picture that is redrawn ten times a second."""
 
     def __init__(self, console: Console, title: str) -> None:
         """Prepare.

@@ -1,4 +1,4 @@
-"""What is known of a run while it goes on, from the recorder's live stream; nothing of it goes into the report.
+"""What is known of a run while it goes on, from the recorder's live stream; none of it goes into the report.
 
 `LiveRun` takes the stream's lines and reports what happened, a sentence each. The views only draw it.
 """
@@ -25,7 +25,7 @@ from robot_offload_lab.judge.recording import (
 )
 
 GAP_WINDOW_S: Final = 0.5
-"""Half the window around a switch in which its silence is looked for; the report does the same."""
+"""Half the window around a switch in which its silence is measured, as in the report."""
 _KEPT: Final = 200
 """Arrivals kept for each output: a second and a half at 125 Hz."""
 
@@ -37,7 +37,7 @@ class SwitchSeen:
     Attributes:
         t_s: steady clock.
         detect_ms: from the last good heartbeat to the decision; None when it was commanded.
-        gap_ms: the longest silence of any output around it; None while that is not known.
+        gap_ms: the longest silence of any output around it; None while it is not known.
     """
 
     t_s: float
@@ -61,21 +61,21 @@ class LiveRun:
 
     Attributes:
         threshold_ms: loop latency up to which the link is good.
-        outputs: the topics that are waited for.
+        outputs: the topics that must be heard.
         unrated: topics whose silence means nothing.
         start_s: the moment that the report calls 0; None before the start.
         link: the schedule of the link now; None without one.
         placement: the newest announcement.
-        charged_s: since when its side is in charge.
+        charged_s: since when that side has been in charge.
         drive: the application's account of its drive as the recorder prints it, empty without one.
         round_trip_ms: measured by the agents; None while they have not met.
         nodes: lifecycle states of the robot's nodes, as its agent sees them.
         received: messages by topic.
         ages_ms: age of the newest message by topic.
         switches: since the start.
-        goals: the newest word about each goal, by its number.
-        calls: the newest word about calls of services; None without any.
-        restored: with which state each node has begun last, by its name.
+        goals: the newest report about each goal, by its number.
+        calls: the newest report about service calls; None without any.
+        restored: the state with which each node last began, by its name.
     """
 
     threshold_ms: float
@@ -99,7 +99,7 @@ class LiveRun:
     _link_word: str = ""
 
     def take(self, line: str) -> None:
-        """Take one line of the recorder's stream; what cannot be read is left out."""
+        """Take one line of the recorder's stream; unreadable lines are ignored."""
         try:
             message = json.loads(line)
             if "drive" in message:
@@ -112,7 +112,7 @@ class LiveRun:
             return
 
     def attend(self, now_s: float) -> None:
-        """Let time pass: the silence around the last switches may be known."""
+        """Let time pass, after which the silence around the last switches may be known."""
         for switch in self.switches:
             end_s = switch.t_s + GAP_WINDOW_S
             # A silence that still lasts has no length yet.
@@ -128,12 +128,12 @@ class LiveRun:
         return events
 
     def since_start(self, t_s: float) -> float:
-        """Return a moment of the run; 0 before the start."""
+        """Return the seconds from the start to a moment; 0 before the start."""
         return 0.0 if self.start_s is None else t_s - self.start_s
 
     @property
     def goal_reached(self) -> bool:
-        """Whether there is a goal and the robot is there."""
+        """Whether there is a goal and the robot has reached it."""
         return bool(self.drive.get("goal_reached"))
 
     @property
@@ -142,11 +142,11 @@ class LiveRun:
         return any(not goal.ending for goal in self.goals.values())
 
     def missing(self) -> tuple[str, ...]:
-        """Return the outputs that were not heard yet."""
+        """Return the outputs that have not been heard yet."""
         return tuple(topic for topic in self.outputs if not self.received.get(topic))
 
     def link_word(self) -> str:
-        """Return how the link is: `cut`, `slow` or `good`; empty without one."""
+        """Return the state of the link: `cut`, `slow` or `good`; empty without one."""
         if self.link is None:
             return ""
         if self.link.rtt_ms is None:

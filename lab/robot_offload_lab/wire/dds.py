@@ -1,8 +1,8 @@
-"""An emulated DDS link: carries declared topics between the ROS domains of the two sides, delayed, lost or cut.
+"""An emulated DDS link: carries declared topics between the two sides' ROS domains, with delay, loss and cuts.
 
 Stands in for a DDS router on a bad network where the agents' link is itself made of topics (every transport but
-Zenoh). It shares the model of the link with `wire`. Every message is a datagram; lost reliable ones are sent again once
-a later message of their topic (or a heartbeat) has got through, of which the newest `DEPTH` survive, as in a history of
+Zenoh). It shares the model of the link with `wire`. Every message is a datagram. Lost reliable messages are sent again
+once a later message of their topic (or a heartbeat) has got through; the newest `DEPTH` survive, as in a history of
 that depth. What DDS itself adds (acknowledgements, discovery over the link) is not modelled.
 
 A process of its own: `python -m robot_offload_lab.wire.dds CONFIG.json`. Standard input takes `{"start": steady
@@ -35,7 +35,7 @@ from robot_offload_lab.wire.loop import steady_s
 
 DEPTH = 10
 HEARTBEAT_S = 3.0
-"""Fast DDS's default period of a reliable writer's heartbeats; those that ride on messages come with each message."""
+"""Fast DDS's default period of a reliable writer's heartbeats; each message carries another one."""
 RESOLVE_S = 0.25
 CLOSE_S = 2.0
 NODE_NAME = "offload_dds_wire"
@@ -59,7 +59,7 @@ class Delayer:
             self._changed.notify()
 
     def close(self) -> None:
-        """Call nothing back any more."""
+        """Stop calling back."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -90,7 +90,7 @@ class Carrier:
         self._publisher: Any = None
 
     def resolve(self) -> bool:
-        """Create both ends as soon as type and quality of service are known; whether that has happened."""
+        """Create both ends as soon as type and quality of service are known; return whether that has happened."""
         if self._publisher is not None:
             return True
         infos = self._source.get_publishers_info_by_topic(self._carried.topic)
@@ -128,7 +128,7 @@ class Carrier:
             self._delayer.at(now_s + HEARTBEAT_S, self._beat)
 
     def _beat(self) -> None:
-        """Ask for what is missing, as the writer's heartbeat does, for when nothing newer has come since the loss."""
+        """Ask for what is missing, like the writer's heartbeat, in case nothing newer has come since the loss."""
         if not self._held:
             return
         now_s = steady_s()
@@ -139,7 +139,7 @@ class Carrier:
             self._release(now_s, arrives_s)
 
     def _release(self, now_s: float, arrives_s: float) -> None:
-        """Release what the reader now asks for; it gets it one round trip later."""
+        """Release what the reader now asks for; it arrives one round trip later."""
         missing = len(self._held) > 1
         up, down = self._link.conditions(now_s)
         round_trip_s = (up.delay_ms + down.delay_ms) / 1e3
@@ -172,7 +172,7 @@ class DdsWire:
         self._contexts = [Context() for _ in config.domains]
         for context, domain in zip(self._contexts, config.domains, strict=True):
             rclpy.init(args=[], context=context, domain_id=domain)
-        # Two nodes of one name in one process would share a publisher of log messages: they do without.
+        # Two nodes of one name in one process would share a publisher of log messages, so they have none.
         self._nodes = [rclpy.create_node(NODE_NAME, context=one, enable_rosout=False) for one in self._contexts]
         robot, cloud = self._nodes
         ends: dict[Direction, tuple[Node, Node]] = {"up": (robot, cloud), "down": (cloud, robot)}
@@ -189,14 +189,14 @@ class DdsWire:
         self._delayer.at(steady_s(), lambda: self._link.start(start_s))
 
     def spin(self) -> None:
-        """Carry, in threads of its own, until `close`."""
+        """Carry messages, in threads of its own, until `close`."""
         ends = zip(self._nodes, self._contexts, strict=True)
         self._threads = [threading.Thread(target=_spin, args=end, daemon=True) for end in ends]
         for thread in self._threads:
             thread.start()
 
     def close(self) -> None:
-        """Leave both domains, so that the middleware cleans up behind itself."""
+        """Leave both domains, so that the middleware cleans up."""
         self._delayer.close()
         for context in self._contexts:
             context.shutdown()

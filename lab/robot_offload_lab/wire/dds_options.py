@@ -26,8 +26,8 @@ class Carried:
         topic: its name on both sides.
         direction: `up` from robot to cloud.
         type: its message type; empty: from the graph.
-        reliability: `reliable` or `best_effort`; empty: as its publisher does.
-        latched: its last messages are kept for late subscribers.
+        reliability: `reliable` or `best_effort`; empty: as its publisher.
+        latched: whether its last messages are kept for late subscribers.
     """
 
     topic: str
@@ -39,13 +39,13 @@ class Carried:
 
 @dataclass(frozen=True)
 class DdsWireConfig:
-    """What the process needs.
+    """The configuration of the process.
 
     Attributes:
         domains: ROS domains of robot and cloud.
-        carried: nothing else crosses.
+        carried: the topics that cross; no others do.
         link: what the link does.
-        seed: of its chances.
+        seed: seed of its random draws.
     """
 
     domains: tuple[int, int]
@@ -69,7 +69,7 @@ class DdsWireConfig:
 def carried(spec: RobotOffloadSpec) -> tuple[Carried, ...]:
     """Return what a DDS router would be allowed to carry: the agents' topics, inputs, and mirrored outputs.
 
-    The names of the agents' topics are those of their link over DDS; nothing of the cloud's nodes crosses by itself.
+    The agents' topics have the names of their link over DDS; topics of the cloud's nodes do not cross by themselves.
     """
     return tuple(_carried(spec))
 

@@ -1,6 +1,6 @@
 """An emulated network link between the robot's and the cloud's agent on one machine, in user space, without root.
 
-For every port that the robot dials a relay forwards datagrams (UDP, for QUIC) or byte streams (TCP, for the
+For every port that the robot dials, a relay forwards datagrams (UDP, for QUIC) or byte streams (TCP, for the
 TLS fallback) to the port where the cloud listens. All share one model of the link: delay, jitter, loss,
 rate, outages, slow phases or a recorded trace (`wire_model`, `wire_schedule`).
 
@@ -38,11 +38,11 @@ __all__ = ["Address", "EmulatedWire", "Forward", "LinkOptions", "WireConfig", "W
 START_TIMEOUT_S = 60.0
 ANSWER_TIMEOUT_S = 30.0
 STOP_GRACE_S = 20.0
-"""A busy machine may take long to start a process, to schedule it, and to let it write the end of its log."""
+"""Enough for a busy machine to start a process, to schedule it, and to let it write the end of its log."""
 
 
 class EmulatedWire:
-    """The wire's process as a context manager. Leaving it stops the process, kills it if need be."""
+    """The wire's process as a context manager. Leaving it stops the process, or kills it if necessary."""
 
     MODULE: ClassVar[str] = "robot_offload_lab.wire.emulated"
     """The program that is started."""
@@ -52,7 +52,7 @@ class EmulatedWire:
 
         Args:
             config: what to emulate. An empty `control` gets a path in a temporary folder.
-            folder: where that is made; None: where the system makes them.
+            folder: where that folder is made; None: the system's default.
         """
         self._config = config
         self._place = folder
@@ -82,7 +82,7 @@ class EmulatedWire:
         self._folder = tempfile.TemporaryDirectory(prefix="ro-wire-", dir=self._place)
         folder = Path(self._folder.name)
         self._control = self._config.control or str(folder / "control.sock")
-        Path(self._control).unlink(missing_ok=True)  # one of an earlier run would look like ours
+        Path(self._control).unlink(missing_ok=True)  # a socket of an earlier run would look like ours
         path = folder / "wire.json"
         path.write_text(dataclasses.replace(self._config, control=self._control).to_json(), encoding="utf-8")
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -104,7 +104,7 @@ class EmulatedWire:
             raise
 
     def stop(self) -> None:
-        """Stop the process; legal at any time."""
+        """Stop the process; may be called at any time."""
         if self._process is not None:
             self._process.terminate()
             try:
@@ -122,7 +122,7 @@ class EmulatedWire:
 
     @property
     def pid(self) -> int | None:
-        """The process, None when it was not started."""
+        """The process id; None when the process was not started."""
         return self._process.pid if self._process else None
 
     def port(self, name: str) -> int:
@@ -142,7 +142,7 @@ class EmulatedWire:
         self._ask({"set": conditions})
 
     def cut(self, which: Literal["up", "down", "both"] | None) -> None:
-        """Cut one direction or both, or with None none beyond the schedule's outages."""
+        """Cut one direction or both; with None leave only the schedule's outages."""
         self.set(cut=which)
 
     def status(self) -> dict[str, Any]:

@@ -32,10 +32,10 @@ class Counters:
     """What has happened in one direction since the start of the process.
 
     Attributes:
-        datagrams: offered to the link.
-        dropped: of these lost, by a cut, by chance or by the full queue.
-        stream_bytes: offered by TCP connections.
-        retransmissions: of TCP streams, failed ones included.
+        datagrams: datagrams offered to the link.
+        dropped: datagrams lost by a cut, by chance or by the full queue.
+        stream_bytes: bytes offered by TCP connections.
+        retransmissions: those of TCP streams, failed ones included.
         errors: send or receive errors of a socket, such as a refused connection because the cloud is absent.
     """
 
@@ -49,7 +49,7 @@ class Counters:
 class EmulatedLink:
     """One link with two directions, shared by all ports of a wire.
 
-    Conditions are those of the schedule, or before its start the quiet ones, with overrides put on top.
+    Conditions are those of the schedule (before its start: the quiet ones) with overrides on top.
     """
 
     def __init__(self, schedule: Schedule, seed: int) -> None:
@@ -66,11 +66,11 @@ class EmulatedLink:
         return self._started_s
 
     def start(self, now_s: float) -> None:
-        """Start the schedule's clock at 0, again if it runs already."""
+        """Start the schedule's clock at 0; restart it if it runs already."""
         self._started_s = now_s
 
     def follow(self, schedule: Schedule) -> None:
-        """Replace the schedule; the link is quiet until `start`. What is under way, queue and chances stay."""
+        """Replace the schedule; the link is quiet until `start`. Packets under way, queue and random draws stay."""
         self._schedule, self._started_s = schedule, None
 
     def conditions(self, now_s: float) -> Pair:
@@ -114,10 +114,10 @@ class EmulatedLink:
         return stream.retry(now_s, size, self.conditions(now_s)[_DIRECTIONS.index(direction)])
 
     def room(self, direction: Direction, now_s: float) -> tuple[int, float]:
-        """Return how much a stream may put on the link now without filling the queue for all others.
+        """Return how much a stream may put on the link now without filling the queue for others.
 
         Returns:
-            Bytes, and when 0 how long to wait, in seconds.
+            Bytes, and, when 0, how long to wait, in seconds.
         """
         here = self.conditions(now_s)[_DIRECTIONS.index(direction)]
         if not here.rate_kbit_s or not here.queue_ms:
@@ -131,8 +131,8 @@ class EmulatedLink:
         """Put conditions on top of the schedule's, at once.
 
         `{"delay_ms": 80, "loss": 0.03}` replaces these values in both directions, `{"up": {"loss": 0.1}}` in one;
-        None gives a value back to the schedule. `{"cut": "up" | "down" | "both" | None}` says which directions
-        are cut whatever the schedule says.
+        None returns a value to the schedule. `{"cut": "up" | "down" | "both" | None}` states which directions
+        are cut regardless of the schedule.
 
         Raises:
             ControlError: an unknown name or a value out of range; nothing was changed.

@@ -20,7 +20,7 @@ WRITE = selectors.EVENT_WRITE
 
 
 def steady_s() -> float:
-    """Return steady time of this host, the same clock as the agents': it goes on while the host sleeps."""
+    """Return this host's steady time, the same clock as the agents': it goes on while the host sleeps."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
@@ -33,11 +33,11 @@ class Loop:
         self._order = itertools.count()
 
     def call_at(self, when_s: float, action: Callable[[], None]) -> None:
-        """Call `action` at `when_s`; two of the same moment in the order of their registration."""
+        """Call `action` at `when_s`; actions of the same moment run in the order of registration."""
         heapq.heappush(self._moments, (when_s, next(self._order), action))
 
     def watch(self, sock: socket.socket, events: int, action: Callable[[int], None]) -> None:
-        """Call `action` with the events that have occurred; replace an earlier watch, 0 events ends it."""
+        """Call `action` with the events that have occurred; replaces an earlier watch; 0 events end it."""
         known = sock.fileno() in self._selector.get_map()
         if not events:
             if known:
@@ -48,7 +48,7 @@ class Loop:
             self._selector.register(sock, events, action)
 
     def run_once(self) -> None:
-        """Wait for the next socket or moment and call back; a moment must exist, or this may wait forever."""
+        """Wait for the next socket or moment and call back; without a registered moment this may wait forever."""
         wait_s = max(0.0, self._moments[0][0] - steady_s()) if self._moments else None
         if select.select([self._selector], [], [], wait_s)[0]:
             for key, events in self._selector.select(0):
@@ -58,6 +58,6 @@ class Loop:
             heapq.heappop(self._moments)[2]()
 
     def close(self) -> None:
-        """Forget all sockets and moments; closing the sockets is their owners' affair."""
+        """Forget all sockets and moments; their owners close the sockets."""
         self._selector.close()
         self._moments.clear()

@@ -31,7 +31,7 @@ DUPLICATE_ACKS = 3
 
 
 class WireError(InputError, ValueError):
-    """The emulated link cannot do what it was asked; the message says what to write instead."""
+    """The emulated link cannot do what it was asked; the message states what to write instead."""
 
 
 class ConditionsError(WireError):
@@ -47,7 +47,7 @@ class LinkConditions:
         jitter_ms: standard deviation of the normally distributed part of the delay; the sum is never
             negative.
         loss: share of packets lost, 0..1. A TCP stream is delayed by a retransmission instead.
-        rate_kbit_s: what the queue in front of the link drains, 0 = unlimited.
+        rate_kbit_s: rate at which the queue in front of the link drains, 0 = unlimited.
         queue_ms: a datagram that would wait longer in that queue is dropped (tail drop); 0 = endless.
         reorder: datagrams may overtake each other by jitter; otherwise the link keeps order like a radio
             queue. Streams are never reordered.
@@ -121,7 +121,7 @@ class DirectionModel:
         if here.rate_kbit_s and here.queue_ms and self.backlog_s(now_s) * 1000 > here.queue_ms:
             return None
         sent_s = self.enqueue(now_s, size, here)
-        # A packet lost in the air has used its share of the rate all the same.
+        # A packet lost in the air has still used its share of the rate.
         return None if luck < here.loss else self.arrival(sent_s, here, swing)
 
     def backlog_s(self, now_s: float) -> float:
@@ -158,9 +158,9 @@ class DirectionModel:
 class StreamModel:
     """One direction of one TCP connection: in order, nothing lost, but held up behind each hole.
 
-    A lost segment is sent again after one round trip when enough follows it (fast retransmission), else after
-    max(200 ms, 2 round trips). Each failed retransmission doubles that wait, as in a cut. What is offered
-    meanwhile waits behind the hole and arrives with it.
+    A lost segment is sent again after one round trip if enough follows it (fast retransmission), else after
+    max(200 ms, 2 round trips). Each failed retransmission, as in a cut, doubles that wait. Bytes offered
+    meanwhile wait behind the hole and arrive with it.
     """
 
     def __init__(self, direction: DirectionModel) -> None:
@@ -200,7 +200,7 @@ class StreamModel:
         return None
 
     def retry(self, now_s: float, size: int, here: LinkConditions) -> float | None:
-        """Send the hole again, at `retry_at_s`, and if that gets through all that waits behind it.
+        """Send the hole again, at `retry_at_s`; if that gets through, all that waits behind it follows.
 
         Args:
             now_s: the present.

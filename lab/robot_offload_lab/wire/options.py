@@ -17,7 +17,7 @@ from robot_offload_lab.wire.schedule import Constant, Replay, Schedule, Schedule
 Protocol = Literal["udp", "tcp"]
 
 DEFAULT_QUEUE_MS = 150.0
-"""Queue in front of a rate-limited link whose queue is not given: what home routers tend to have."""
+"""Default queue in front of a rate-limited link: typical of home routers."""
 
 _NUMBER = r"(\d+(?:\.\d*)?|\.\d+)"
 _MS_PER_UNIT = {"ms": 1.0, "s": 1000.0}
@@ -32,7 +32,7 @@ def parse_ms(option: str, text: str) -> float:
     """Return a time with its unit, in milliseconds.
 
     Raises:
-        OptionError: no number with `ms` or `s`.
+        OptionError: the text is not a number with `ms` or `s`.
     """
     match = re.fullmatch(rf"{_NUMBER}\s*(ms|s)", text.strip())
     if not match:
@@ -46,7 +46,7 @@ def parse_loss(option: str, text: str) -> float:
     """Return a share of packets, `3%` or `0.03`, from 0 to 1.
 
     Raises:
-        OptionError: no share from 0 to 1.
+        OptionError: the text is not a share from 0 to 1.
     """
     match = re.fullmatch(rf"{_NUMBER}\s*(%?)", text.strip())
     share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
@@ -59,7 +59,7 @@ def parse_rate(option: str, text: str) -> float:
     """Return a rate such as `20mbit` or `512kbit` (also with `/s`), in kbit/s.
 
     Raises:
-        OptionError: no rate above 0.
+        OptionError: the text is not a rate above 0.
     """
     match = re.fullmatch(rf"{_NUMBER}\s*([kmg]bit)(/s)?", text.strip().lower())
     rate_kbit_s = float(match[1]) * _KBIT_PER_UNIT[match[2]] if match else 0.0
@@ -106,7 +106,7 @@ def _parse_phase(option: str, text: str, example: str) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class LinkOptions:
-    """The link as a person describes it. Texts with one value mean both directions, `UP/DOWN` means one each.
+    """The link as the user describes it. A text with one value applies to both directions; `UP/DOWN` has one for each.
 
     Attributes:
         delay: one-way delay, `10ms` or `10ms/30ms`.
@@ -230,10 +230,10 @@ class WireConfig:
     Attributes:
         forwards: the ports; all share one link.
         link: the link.
-        seed: of all its chances.
+        seed: seed of all its random draws.
         control: path of the unix datagram socket; short, the kernel allows 107 bytes.
         log: path of the JSON-lines log; empty = none.
-        realtime: ask for SCHED_FIFO; without the permission it runs normally and says so in the log.
+        realtime: ask for SCHED_FIFO; without the permission the process runs normally and logs that.
         start: start the schedule's clock at once instead of on `{"start": true}`.
     """
 
@@ -259,7 +259,7 @@ class WireConfig:
         """Read a configuration file.
 
         Raises:
-            WireError: no JSON, an unknown or missing key, or a value out of range.
+            WireError: not JSON, an unknown or missing key, or a value out of range.
         """
         try:
             raw = json.loads(text)
@@ -273,7 +273,7 @@ class WireConfig:
 
 
 def _object(raw: Any, cls: type, what: str) -> dict[str, Any]:
-    """Return a JSON object with only fields of `cls`, all that it requires, in the types of the defaults."""
+    """Return a JSON object that has only fields of `cls`, including all required ones, in the types of the defaults."""
     if not isinstance(raw, dict):
         raise WireError(f"{what} must be a JSON object, found {raw!r}")
     fields = {field.name: field for field in dataclasses.fields(cls)}

@@ -1,7 +1,7 @@
 """The process behind the emulated link: ports, control socket and log around one loop.
 
-Control: one JSON object per datagram on a unix socket; a sender that has bound an address of its own gets
-an answer, `{"ok": true, ...}` or `{"error": "..."}`.
+Control: one JSON object per datagram on a unix socket. A sender that has bound an address of its own gets
+an answer: `{"ok": true, ...}` or `{"error": "..."}`.
 
 * `{"set": {...}}` puts conditions on top of the schedule at once, see `EmulatedLink.override`;
 * `{"start": true}` starts the schedule's clock at 0; the answer holds the moment as `started_s`;
@@ -36,7 +36,7 @@ TICK_S = 0.5
 """How often the counters are written and idle clients forgotten."""
 
 REALTIME_PRIORITY = 10
-"""SCHED_FIFO priority when asked for: any is enough to pass by every normal process of the machine."""
+"""SCHED_FIFO priority when requested: any value takes precedence over every normal process of the machine."""
 
 _LARGEST_COMMAND = 65536
 
@@ -84,7 +84,7 @@ class WireProcess:
             self._write("listening", ports=self._ports())
             if self._config.start:
                 self._start()
-            # What exists now lives as long as the process: a collection that walks it would only cost time.
+            # Objects that exist now live as long as the process: letting the collector visit them only costs time.
             gc.collect()
             gc.freeze()
             self._tick()
@@ -105,7 +105,7 @@ class WireProcess:
                 raise OSError(f"{forward.protocol} port {forward.listen} ({forward.name}): {error}") from error
             stack.callback(opened.close)
         if self._config.control:
-            # Last, because whoever waits for the wire waits for this socket.
+            # Last, because programs that wait for the wire wait for this socket.
             path = Path(self._config.control)
             path.unlink(missing_ok=True)
             self._control = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
@@ -134,7 +134,7 @@ class WireProcess:
             signal.signal(number, stop)
 
     def _become_punctual(self) -> None:
-        # By default the kernel may wake a normal process 50 us late to save power: that would be most of our error.
+        # By default the kernel may wake a normal process 50 us late to save power, which would be most of our error.
         with suppress(OSError):
             Path("/proc/self/timerslack_ns").write_text("1000", encoding="ascii")
         if self._config.realtime:
@@ -155,11 +155,11 @@ class WireProcess:
             return
 
         def changed() -> None:
-            if self._link.started_s == started_s:  # else a new start has its own chain of changes
+            if self._link.started_s == started_s:  # otherwise a new start has its own chain of changes
                 self._write("changed", conditions=self._conditions())
                 self._await_change()
 
-        # Looking a moment later avoids the question on which side of the edge the edge is.
+        # Looking a moment later makes clear on which side of the edge the time is.
         self._loop.call_at(change_s + 0.001, changed)
 
     def _tick(self) -> None:

@@ -1,7 +1,7 @@
-"""What the emulated link is like at each moment: parts that are put in a row, pure and without a clock.
+"""The state of the emulated link at each moment: parts in a row, pure and without a clock.
 
 A `Schedule` is a row of parts: constant conditions, periodic ones (outages, slow phases) and the replay of
-a trace. Its clock begins when somebody starts it; before that the link is `quiet`.
+a trace. Until its clock is started the link is `quiet`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BOTH_CUT: Pair = (LinkConditions(cut=True), LinkConditions(cut=True))
 
 
 class ScheduleError(WireError):
-    """A schedule that makes no sense."""
+    """The schedule is not valid."""
 
 
 class SchedulePart(Protocol):
@@ -33,7 +33,7 @@ class SchedulePart(Protocol):
         """Return the conditions at `t_s` seconds of the schedule's clock."""
 
     def quiet(self) -> Pair:
-        """Return the conditions before the clock starts: the path as it usually is, without events."""
+        """Return the conditions before the clock starts: the usual path, without events."""
 
     def next_change_s(self, t_s: float) -> float | None:
         """Return when the next phase after `t_s` begins or ends; None if this part has no phases."""
@@ -55,7 +55,7 @@ class Constant:
         return self.up, self.down
 
     def next_change_s(self, t_s: float) -> float | None:
-        """Return infinity: never."""
+        """Return None: the conditions never change."""
         return None
 
 
@@ -83,11 +83,11 @@ class Periodic:
             )
 
     def at(self, t_s: float) -> Pair:
-        """Return the conditions of a phase, or none."""
+        """Return the conditions of a phase, or clear ones between phases."""
         return (self.up, self.down) if t_s >= self._begin_s(t_s) else BOTH_CLEAR
 
     def quiet(self) -> Pair:
-        """Return a schedule without a phase."""
+        """Return clear conditions, as between phases."""
         return BOTH_CLEAR
 
     def next_change_s(self, t_s: float) -> float | None:
@@ -118,7 +118,7 @@ class Replay:
     trace: Trace
 
     def at(self, t_s: float) -> Pair:
-        """Return half of the round trip each way, the rest of a stall, or a cut where requests were lost."""
+        """Return half of the round trip each way, the remainder of a stall, or a cut where requests were lost."""
         delay_ms = self.trace.one_way_ms(t_s)
         if delay_ms is None:
             return BOTH_CUT
@@ -160,7 +160,7 @@ class Schedule:
     def latency_ms(self, t_s: float) -> float | None:
         """Return the round trip of a packet sent at `t_s` and answered at once.
 
-        Jitter, chance losses and queueing are left out: it is what the schedule itself does.
+        Only the schedule itself counts: jitter, random losses and queueing are left out.
 
         Returns:
             Milliseconds; None when the packet or its answer meets a cut (or a loss of 100 %).
@@ -176,8 +176,8 @@ class Schedule:
     ) -> tuple[tuple[float, float], ...]:
         """Return when the round trip is at most `threshold_ms`, as (from, to) in seconds since the start.
 
-        Found by looking every `step_s` and halving the step where the answer changes (to about 10 us): a
-        change for the better or the worse that is over within one step may be missed.
+        Found by looking every `step_s` and bisecting (to about 10 us) where the answer changes; a change that
+        is over within one step may be missed.
 
         Args:
             threshold_ms: the longest round trip that counts as good.

@@ -1,7 +1,7 @@
-"""One TCP port of the emulated link: byte streams that are delayed and held up, never broken, by the link.
+"""One TCP port of the emulated link: the link delays and holds up byte streams but never breaks them.
 
 Opening, closing and resetting a connection travel through the model like data. So a cut leaves both ends
-hanging: the server hears of a new connection, of an end or of a reset only when that would have got through.
+hanging: the server learns of a new connection, an end or a reset only when that would have got through.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Mark(enum.Enum):
 
 
 class _End:
-    """One socket of a connection, with what it could not write yet."""
+    """One socket of a connection, with the bytes not yet written."""
 
     def __init__(self, loop: Loop, count_error: Callable[[], None]) -> None:
         self._loop = loop
@@ -70,7 +70,7 @@ class _End:
         self._watch()
 
     def read(self, size: int) -> bytes | None:
-        """Return what has come; None if nothing has, empty at the end of the stream.
+        """Return the bytes that have come; None if none have, empty at the end of the stream.
 
         Raises:
             OSError: the connection was reset.
@@ -152,7 +152,7 @@ class _End:
 
 
 class _Stream:
-    """One direction of a connection: what is read at `source` reaches `sink` when the model says."""
+    """One direction of a connection: bytes read at `source` reach `sink` when the model determines."""
 
     def __init__(self, loop: Loop, link: EmulatedLink, direction: Direction, source: _End, sink: _End) -> None:
         self._loop = loop
@@ -172,7 +172,7 @@ class _Stream:
         sink.on_sent = self._resume_if_roomy
 
     def pull(self) -> None:
-        """Read once from the source, as much as link and window have room for."""
+        """Read once from the source, as much as link and window can take."""
         if self._ended or self.closed or self._waiting:
             return
         size, wait_s = self._link.room(self._direction, steady_s())
@@ -268,7 +268,7 @@ class _Connection:
         self._finished: set[_End] = set()
         self._client.on_finished = functools.partial(self._note_finished, self._client)
         self._server.on_finished = functools.partial(self._note_finished, self._server)
-        # The other end learns that one is gone by the stream that it would have sent on.
+        # The other end learns of the loss through the stream on which the lost end would have sent.
         self._client.on_gone = functools.partial(self._up.end, _Mark.RESET)
         self._server.on_gone = functools.partial(self._down.end, _Mark.RESET)
         self.on_closed: Callable[[_Connection], None] = lambda connection: None

@@ -36,7 +36,7 @@ CLOUD_ADDRESS: Final = "10.79.0.2"
 DEVICE: Final = "wire0"
 MULTICAST: Final = "224.0.0.0/4"
 _NAMESPACES: Final = {"robot": 701, "cloud": 702}
-"""File descriptors under which this process keeps them, for others to enter through /proc."""
+"""File descriptors under which this process keeps them, so that others can enter them through /proc."""
 _TUNSETIFF: Final = 0x400454CA
 _IFF_TUN: Final = 0x0001
 _IFF_NO_PI: Final = 0x1000
@@ -54,14 +54,14 @@ class TwoHosts(EmulatedWire):
 
         Args:
             link: what the link between the hosts does.
-            seed: of its chances.
+            seed: seed of its random draws.
         """
         unused = Forward("unused", "udp", "127.0.0.1:0", "127.0.0.1:9")  # a wire has at least one
         super().__init__(WireConfig(forwards=(unused,), link=link, seed=seed, realtime=True))
 
     @classmethod
     def refusal(cls) -> str:
-        """Return why this machine cannot make them; empty when it can."""
+        """Return why this machine cannot make two hosts; empty when it can."""
         if os.geteuid() != 0:
             return "network namespaces need root"
         if not Path("/dev/net/tun").exists():
@@ -73,12 +73,12 @@ class TwoHosts(EmulatedWire):
         return f"/proc/{self.pid}/fd/{_NAMESPACES[host]}"
 
     def enter(self, host: str) -> tuple[str, ...]:
-        """Return what goes in front of a command that is to run on a host."""
+        """Return the prefix of a command that runs it on a host."""
         return ("nsenter", f"--net={self.namespace(host)}", "--")
 
 
 class _End:
-    """One host's tunnel device. A file, but the loop only asks for its descriptor."""
+    """One host's tunnel device. It is a file, not a socket, but the loop only needs its descriptor."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -106,7 +106,7 @@ class _End:
 
 
 class Tunnel:
-    """Both devices; in the wire's process it stands in the place of a forwarded port."""
+    """Both devices; takes the place of a forwarded port in the wire's process."""
 
     port = 0
     clients = 2
@@ -140,7 +140,7 @@ class Tunnel:
         """Make both hosts.
 
         Raises:
-            WireProcessError: this machine does not let us.
+            WireProcessError: this machine does not permit it.
         """
         with Path("/proc/self/ns/net").open(encoding="ascii") as home:
             try:
@@ -152,7 +152,7 @@ class Tunnel:
 
 
 def _host(name: str, address: str) -> _End:
-    """Make a network namespace with loopback and a device that leads to us. This thread stays in it."""
+    """Make a network namespace with loopback and a device that leads to this process. This thread stays in it."""
     other = CLOUD_ADDRESS if address == ROBOT_ADDRESS else ROBOT_ADDRESS
     os.unshare(os.CLONE_NEWNET)
     with Path("/proc/self/ns/net").open(encoding="ascii") as own:

@@ -129,7 +129,7 @@ class UdpForward:
                 data = client.to_server.recv(_LARGEST)
             except BlockingIOError:
                 return
-            except OSError:  # ECONNREFUSED: nobody listens there at the moment
+            except OSError:  # ECONNREFUSED: no program listens there at the moment
                 self._link.counters["down"].errors += 1
                 return
             now_s = steady_s()

@@ -1,4 +1,4 @@
-"""What goes wrong: kinds of faults, where they strike, and when, drawn from a seed.
+"""What goes wrong: kinds of faults, where and when they strike, drawn from a seed.
 
 Never here: what should follow from a fault (`promises/`).
 """

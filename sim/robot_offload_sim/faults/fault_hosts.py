@@ -1,4 +1,4 @@
-"""Faults of whole hosts and of the work itself: a steady clock that stands still, control in slices, nothing to do."""
+"""Faults of whole hosts and of the workload: a steady clock that stands still, control in slices, nothing to do."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ SLICE_S = 0.010
 
 
 def _idle(run: System, fault: Fault) -> Undo:
-    """Return silence the replicas of one output on both sides: there is nothing to do."""
+    """Silence the replicas of one output on both sides: there is nothing to do."""
     named = [name for name in run.scenario.publishers if name in run.robot.nodes and name in run.cloud.nodes]
     name, _ = option(named, fault.pick)
     return raised([run.robot.nodes[name], run.cloud.nodes[name]], "hung", 1)
 
 
 def _stutter(run: System, fault: Fault) -> Undo:
-    """Stop the robot's control again and again, for a long time."""
+    """Stop the robot's control repeatedly, for a long time."""
     control, off_s, end_s = run.robot.control, 0.04 + 0.15 * fault.pick, run.world.now + fault.duration_s
 
     def stop() -> None:
@@ -29,14 +29,14 @@ def _stutter(run: System, fault: Fault) -> Undo:
 
 
 def _stand(run: System, fault: Fault) -> Undo:
-    """Return pause the cloud's virtual machine with its steady clock: nothing there can notice."""
+    """Pause the cloud's virtual machine with its steady clock: no process there can notice."""
     host = run.cloud.host
     host.stand(fault.duration_s)
     return nothing
 
 
 def _mute(run: System, fault: Fault) -> Undo:
-    """Return silence the state of a node: the standby's knowledge grows old."""
+    """Silence the state of a node: the standby's knowledge ages."""
     del fault
     return nothing if run.keeping is None else raised(tuple(run.keeping.sides.values()), "silent", 1)
 

@@ -79,7 +79,7 @@ def _loss(run: System, fault: Fault) -> Undo:
 
 
 def _data_loss(run: System, fault: Fault) -> Undo:
-    """Return the data session breaks, or nothing of it arrives."""
+    """Break the data session, or let none of its messages arrive."""
     session = run.link.data
     session.reopen()
     session.down.cut_lost += 1
@@ -145,7 +145,7 @@ def _stall(name: str) -> Callable[[System, Fault], Undo]:
 
 
 def _end(name: str) -> Callable[[System, Fault], Undo]:
-    """Kill one process; it is back as fast as the supervisor can."""
+    """Kill one process; it is back as soon as the supervisor can restart it."""
 
     def apply(run: System, fault: Fault) -> Undo:
         _named(run, name).kill(fault.duration_s)
@@ -162,14 +162,14 @@ def _outlived_gate(run: System, fault: Fault) -> Undo:
 
 
 def _robot_hangs(run: System, fault: Fault) -> Undo:
-    """Return everything that the user runs on the robot stands still."""
+    """Stop everything that the user runs on the robot."""
     for node in run.robot.nodes.values():
         node.stop_for(fault.duration_s)
     return nothing
 
 
 def _late_changeover(run: System, fault: Fault) -> Undo:
-    """Let the robot's outputs flow just before a preparation's deadline; the collector notices just behind it."""
+    """Let the robot's outputs flow just before a preparation's deadline; the collector notices just after it."""
     silent_s = run.scenario.settings.activation_deadline_s + PREPARE_EXTRA_S - fault.at_s - 0.06
     _hush(run, 1)
     run.world.after(silent_s, _hush, run, -1)
@@ -189,7 +189,7 @@ def _brink(run: System, fault: Fault) -> Undo:
 
 
 def _change_of_mind(run: System, fault: Fault) -> Undo:
-    """Return the fault that a person asks for the robot and at once for the cloud again."""
+    """Let a person ask for the robot and at once for the cloud again."""
     control = run.robot.control
     control.deliver(control.step, placement.SwitchByHand(Site.ROBOT))
     run.world.after(0.005 * fault.pick, control.deliver, control.step, placement.SwitchByHand(Site.CLOUD))
@@ -197,7 +197,7 @@ def _change_of_mind(run: System, fault: Fault) -> Undo:
 
 
 def _amnesia(run: System, fault: Fault) -> Undo:
-    """Kill a pulse process, back at once, in the middle of losses and repetitions of its beats."""
+    """Kill a pulse process, restarted at once, amid losses and repetitions of its beats."""
     process, pick = option((run.robot.pulse, run.cloud.pulse), fault.pick)
     wires = (run.link.pulse.up, run.link.pulse.down)
     share = 0.2 + 0.4 * pick
@@ -215,7 +215,7 @@ def _amnesia(run: System, fault: Fault) -> Undo:
 
 
 def _replay(run: System, fault: Fault) -> Undo:
-    """Return messages and effects that once left the cloud arrive again, mostly those of earlier epochs."""
+    """Let messages and effects that left the cloud arrive again, mostly those of earlier epochs."""
     data = run.robot.data
     old = list(run.cloud.data.sent)
     if fault.pick < 0.6:
@@ -321,7 +321,7 @@ def _other_cloud(run: System, fault: Fault) -> Undo:
 
 
 def _bare(run: System, fault: Fault) -> Undo:
-    """Return the cloud's beats arrive without their content, as those of a foreign heartbeat publisher would."""
+    """Let the cloud's beats arrive without their content, like those of a foreign heartbeat publisher."""
     del fault
     pulse = run.cloud.pulse
     pulse.bare += 1
@@ -337,7 +337,7 @@ def _babble(run: System, fault: Fault) -> Undo:
 
 
 def _hand(run: System, fault: Fault) -> Undo:
-    """Return the fault that a person switches or pins at the worst moment."""
+    """Let a person switch or pin at the worst moment."""
     site, pick = option((Site.ROBOT, Site.CLOUD), fault.pick)
     until_s = run.robot.host.now_s() + fault.duration_s
     events: tuple[placement.Event, ...] = (

@@ -1,4 +1,4 @@
-"""What a fault is: when, of which kind, for how long, and how it is undone."""
+"""Definition of a fault: its time, kind, duration, and how it is undone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Fault:
         at_s: true time of its start.
         kind: a key of KINDS.
         duration_s: how long it lasts.
-        pick: chance, 0 to 1, for what the kind leaves open (which process, which direction).
+        pick: random number, 0 to 1, for choices that the kind leaves open (which process, which direction).
     """
 
     at_s: float
@@ -34,7 +34,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault: how often, how long (seconds), what it does, and what it leaves behind after its end."""
+    """A kind of fault: how often, how long (seconds), its effect, and what it leaves behind after its end."""
 
     weight: float
     lasts_s: tuple[float, float]
@@ -43,13 +43,13 @@ class Kind:
 
 
 def option(options: list[T] | tuple[T, ...], pick: float) -> tuple[T, float]:
-    """Return the option that `pick` falls on, and the rest of the chance."""
+    """Return the option that `pick` selects, and the rest of the random number."""
     scaled = pick * len(options)
     return options[int(scaled)], scaled - int(scaled)
 
 
 def raised(things: Sequence[Wire] | Sequence[Node] | Sequence[Kept], attribute: str, by: float) -> Undo:
-    """Raise an amount of several things; faults of one kind may overlap, so the undoing takes off just its own."""
+    """Raise an amount of several things; faults of one kind may overlap, so undoing subtracts only its own."""
 
     def add(value: float) -> None:
         for thing in things:

@@ -1,7 +1,7 @@
-"""Seeded plans of what goes wrong, and of what people ask for by hand.
+"""Seeded plans of faults, and of what people request by hand.
 
-A plan alternates storms (faults about once a second, overlapping) with quiet stretches, in which only people act: these
-are where commanded changeovers and the return to order are judged. Every fault has an end; until then it is active.
+A plan alternates storms (faults about once a second, overlapping) with quiet stretches in which only people act: there
+commanded changeovers and the return to order are judged. Every fault has an end; until then it is active.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ STORMS = ((3.0, 18.0), (32.0, 47.0))
 """True times between which faults start, in a stretch of 60 s."""
 FAULTS_PER_S = 1.1
 LINK_EVERY = 5
-"""Every fifth stretch nothing but the link fails."""
+"""In every fifth stretch only the link fails."""
 LINK_FAULTS_PER_S = 0.5
 LINK = {
     "cut": 6.0,
@@ -32,7 +32,7 @@ LINK = {
     "bare": 0.5,
 }
 AMBUSHES = 30
-"""Faults per stretch that wait for a state of a machine to be entered: chance alone rarely hits the short ones."""
+"""Faults per stretch that wait until a machine enters a state: chance alone rarely hits the short states."""
 AMBUSHED: dict[str, tuple[tuple[str, ...], ...]] = {
     "robot ToCloud": (
         ("stall control",), ("hand", "hand"), ("freeze",), ("late cloud", "babble"), ("late cloud", "blink"),
@@ -63,13 +63,13 @@ AMBUSHED: dict[str, tuple[tuple[str, ...], ...]] = {
     "collector fell back from cloud": (("replay",),),
     "collector resumed": (("kill control",), ("replay",)),
 }  # fmt: skip
-"""Where ambushes lie, and what is laid there in most cases; else anything."""
+"""States with ambushes, and the usual faults there; otherwise any."""
 AMBUSH_DELAY_S = 0.03
 HANDS = ((0.5, 26.0), (32.0, 55.0))
-"""When people switch and pin; the ends of the quiet stretches are left to the machines alone."""
+"""When people switch and pin; the ends of the quiet stretches are left to the machines."""
 HANDS_PER_S = 0.45
 SETTLE_S = 0.3
-"""What a fault left under way (a burst, a restart) may take to settle after its end."""
+"""How long after-effects of a fault (a burst, a restart) may take to settle."""
 
 Ambushes = dict[str, list[list["Fault"]]]
 
@@ -92,14 +92,14 @@ def plan(dice: random.Random, index: int) -> tuple[Fault, ...]:
 
 
 def only_link(index: int) -> bool:
-    """Return whether in this stretch nothing but the link fails."""
+    """Return whether only the link fails in this stretch."""
     return index % LINK_EVERY == LINK_EVERY - 1
 
 
 def plan_ambushes(dice: random.Random, index: int) -> Ambushes:
-    """Return per state the faults that its entering sets off, one or two each time; `at_s` counts from there.
+    """Return for each state the faults that entering it triggers, one or two each time; `at_s` counts from there.
 
-    Every third stretch (by `index`) lies in wait for one state only, each in turn.
+    Every third stretch (by `index`) waits for one state only, each in turn.
     """
     if only_link(index):
         return {}
@@ -123,10 +123,10 @@ def plan_ambushes(dice: random.Random, index: int) -> Ambushes:
 
 
 class Faults:
-    """Carries a plan out and knows whether anything is wrong now.
+    """Carries out a plan and knows whether anything is wrong now.
 
     Attributes:
-        active: faults at work.
+        active: faults that are active now.
         ended_s: true time when the last one ended.
         injected: how many so far, by kind.
     """
@@ -141,12 +141,12 @@ class Faults:
             run.world.at(fault.at_s, self._start, fault)
 
     def quiet_s(self) -> float:
-        """Return for how long nothing has been wrong; 0 while something is."""
+        """Return for how long no fault has been active; 0 during a fault."""
         ended_s = max(self.ended_s, self.run.cut_short_s)
         return 0.0 if self.active else max(0.0, self.run.world.now - ended_s - SETTLE_S)
 
     def entered(self, state: str) -> None:
-        """Spring an ambush if one waits for a machine that has entered `state` ("robot ToCloud") in a storm."""
+        """Trigger an ambush if one waits for a machine to enter `state` ("robot ToCloud") in a storm."""
         waiting = self.ambushes.get(state)
         now = self.run.world.now
         if waiting and any(start_s <= now < end_s for start_s, end_s in STORMS):

@@ -1,8 +1,8 @@
-"""Garbage and other versions in every channel of both sessions, beside what the two sides say to each other.
+"""Garbage and other versions in every channel of both sessions, beside the messages of the two sides.
 
-What crosses is left alone. Beside some of it arrives a copy with something wrong: of another version, and then with
-another meaning; too short, too long, torn, of a name that nobody declared; or bytes that mean nothing. None of it is a
-fault: not one promise may be broken for its sake.
+The messages themselves are unchanged. Beside some of them arrives a faulty copy: of another version, and then with
+another meaning; too short, too long, torn, of an undeclared name; or meaningless bytes. None of it is a fault: it
+excuses no broken promise.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ Arrival = tuple[Any, ...]
 Make = Callable[..., Iterator[Arrival]]
 
 SHARE = 0.06
-"""In the storms."""
+"""Share of messages in the storms."""
 FAR = 10_000_000
-"""Added to numbers of another version's messages: whoever took them would refuse all that follows for older."""
+"""Added to numbers of another version's messages: a side that took them would refuse all later ones as older."""
 NAMES = ("nobody", "", "../../x", "x" * 300)
 STRANGE: tuple[Any, ...] = (None, -1, 1.5, [], {"a": None}, "x" * 3000, True)
-"""What no field of a probe may be; only notes are as long."""
+"""Values that no field of a probe may have; only notes may be as long."""
 
 
 def let_in(link: Link, share: float = SHARE) -> None:
-    """Let garbage arrive on every wire from now on, beside this share of the messages."""
+    """Let garbage arrive on every wire from now on, with this share of the messages."""
 
     def beside(make: Make, dice: random.Random, *args: Any) -> Iterator[Arrival]:
         return make(dice, *args) if dice.random() < share else iter(())
@@ -74,14 +74,14 @@ def data_beside(dice: random.Random, channel: str, header: bytes, payload: Any) 
 
 
 def spoiled_header(dice: random.Random, good: bytes) -> bytes:
-    """Return no envelope header of this version."""
+    """Return a header that is not an envelope header of this version."""
     opened = envelope.decode(good)
     later = envelope.encode(replace(opened, sequence=opened.sequence + FAR))
     return _spoiled(dice, (b"RO2" + later[3:], later[:3] + b"\x80" + later[4:]), later)
 
 
 def spoiled_probe(dice: random.Random, good: bytes) -> bytes:
-    """Return no probe of this version; that of another one is another agent's."""
+    """Return bytes that are not a probe of this version; a probe of another version is another agent's."""
     body = json.loads(good)
     types = dict.fromkeys(body.get("t", {}), "another/msg/Type")
     other = body | {"v": probe.VERSION + 1, "d": "another", "h": "another", "t": types}
@@ -91,7 +91,7 @@ def spoiled_probe(dice: random.Random, good: bytes) -> bytes:
 
 
 def spoiled_letter(dice: random.Random, good: bytes) -> bytes:
-    """Return no frame of a relay of this version; one of another is a relay's that nobody knows."""
+    """Return bytes that are not a relay frame of this version; one of another version is an unknown relay's."""
     frame = words.decode(good)
     stranger = words.encode(replace(frame, writer="ee" * 16))
     unknown = bytearray(good)
@@ -100,14 +100,14 @@ def spoiled_letter(dice: random.Random, good: bytes) -> bytes:
 
 
 def spoiled_snapshot(dice: random.Random, good: bytes) -> bytes:
-    """Return no snapshot that is whole."""
+    """Return a damaged snapshot."""
     at = good.index(snapshots.MAGIC) + len(snapshots.MAGIC)
     other = good[:at] + b"\xff" + good[at + 1 :]
     return _spoiled(dice, (other, good[:-5] + b"\xa5" + good[-4:]), good[: at + 2])
 
 
 def _spoiled(dice: random.Random, shapes: tuple[bytes, ...], good: bytes) -> bytes:
-    """Return one of these, or what is wrong with any message: a part of it, more than it, or anything."""
+    """Return one of these shapes, or a damaged message: a part of it, more than it, or arbitrary bytes."""
     wrong: tuple[Callable[[], bytes], ...] = (
         lambda: good[: dice.randrange(len(good))], lambda: good + b"\0", lambda: dice.randbytes(len(good)), bytes,
     )  # fmt: skip

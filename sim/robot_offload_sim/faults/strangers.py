@@ -1,4 +1,4 @@
-"""Who should not be there: a second robot of the same identity, a second cloud agent, and garbage on the wire."""
+"""Parties that should not exist: a second robot of the same identity, a second cloud agent, garbage on the wire."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GARBAGE = ("", "1", "2 x", "1 wheelchair-7 r", "\0" * 40, "1 " * 200, "1 wheelch
 
 
 class OtherRobot:
-    """A copied bundle: another robot with our uid that grants leases of its own to the same cloud."""
+    """Another robot, from a copied bundle with our uid, that grants leases of its own to the same cloud."""
 
     def __init__(self, run: System, pick: float) -> None:
         self.run = run
@@ -51,7 +51,7 @@ class OtherRobot:
 
 
 def other_cloud(run: System, duration_s: float, pick: float) -> Callable[[], None]:
-    """Return a second cloud agent (two pods with one name) whose beats reach the robot; it may claim to act."""
+    """Add a second cloud agent (two pods with one name) whose beats reach the robot; it may claim to act."""
     host = Host(run.world, "other cloud")
     incarnation = f"{run.world.dice.getrandbits(128):032x}"
     period_s = run.scenario.settings.beat_period_s
@@ -77,7 +77,7 @@ def other_cloud(run: System, duration_s: float, pick: float) -> Callable[[], Non
 
 
 def babble(run: System, duration_s: float) -> Callable[[], None]:
-    """Return garbage, beats of foreign deployments, and bare beats in the names of the two sides."""
+    """Send garbage, beats of foreign deployments, and bare beats in the names of the two sides."""
     end_s = run.world.now + duration_s
     foreign = pulse.Pulse("somebody-else", Site.CLOUD, 0.02)
 
@@ -97,6 +97,6 @@ def babble(run: System, duration_s: float) -> Callable[[], None]:
 
 
 def _bare(side: RobotSide | CloudSide) -> Beat:
-    """Return a beat that says nothing: it proves no round trip and renews nothing."""
+    """Return a beat without content: it proves no round trip and renews nothing."""
     own = Pulse(UID, Site.ROBOT if isinstance(side, RobotSide) else Site.CLOUD, 0.02, side.control.process.incarnation)
     return pulse.compose(own, side.host.now_s(), side.host.wall_us)[1]

@@ -1,7 +1,7 @@
-"""What stretches of the storms differ in besides settings: each draws a few of these worlds, so that an hour sees all.
+"""Differences between stretches of the storms besides settings: each draws a few worlds, so that an hour has all.
 
-A world changes the scenario of a stretch before it begins, and may let things happen in it that are no faults: settings
-that change, pods that are replaced, nodes that are dead for good, somebody else who publishes.
+A world changes the scenario of a stretch before it begins, and may cause events in it that are not faults: settings
+that change, pods that are replaced, nodes that stay dead, other publishers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ OTHERS_S = 0.033
 SHARES = (1, 2, 2, 3, 3)
 """How many worlds a stretch draws."""
 BIG = 60_000
-"""Bytes of a message of which three fill a socket."""
+"""Bytes of a message; three of them fill a socket."""
 CHANGES_PER_S = 0.15
 SOON_S = (2.0, 26.0)
 
@@ -36,7 +36,7 @@ Happen = Callable[[System, random.Random], None]
 
 @dataclass(frozen=True)
 class Kind:
-    """A world: how it changes the scenario, and what happens in it; `only_link`: also where only the link fails."""
+    """A world: how it changes the scenario, and its events; `only_link`: also where only the link fails."""
 
     make: Make
     happen: Happen = field(default=lambda _system, _dice: None)
@@ -50,7 +50,7 @@ def draw(dice: random.Random, *, only_link: bool) -> tuple[str, ...]:
 
 
 def made(scenario: Scenario, names: tuple[str, ...], dice: random.Random) -> Scenario:
-    """Return the scenario as these worlds make it."""
+    """Return the scenario changed by these worlds."""
     for name in names:
         scenario = KINDS[name].make(scenario, dice)
     return replace(scenario, worlds=names)
@@ -79,7 +79,7 @@ def _with_output(scenario: Scenario, spec: NodeSpec, output: OutputSpec, replica
 
 
 def _slow(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return an output of 0.5 or 0.05 Hz, rated or not, mostly from a timer that is made at activation."""
+    """Add an output of 0.5 or 0.05 Hz, rated or not, mostly from a timer that is made at activation."""
     period_s = dice.choice((2.0, 2.0, 20.0))
     rated = dice.random() < 0.6
     output = OutputSpec("battery", 2.25 * period_s if rated else 0.0, period_s)
@@ -88,7 +88,7 @@ def _slow(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _idle(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return an output without a rate that says something now and then, for a while."""
+    """Add an output without a rate that publishes now and then, for a while."""
     return _with_output(scenario, NodeSpec("goals"), OutputSpec("goal", 0.0), Replica(None, dice.choice((3.0, 9.0))))
 
 
@@ -123,7 +123,7 @@ def _hot(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _latched(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return an output whose last value late subscribers hear."""
+    """Add an output whose last value late subscribers receive."""
     output = OutputSpec("plan_shown", 0.0, nodes=("shower",), latched=True)
     return _with_output(scenario, NodeSpec("shower"), output, Replica(None, dice.choice((2.0, 7.0))))
 
@@ -137,7 +137,7 @@ def _order(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _die(system: System, dice: random.Random) -> None:
-    """Kill a node that is not CORE for good on one side or on both; sometimes a CORE node of the cloud."""
+    """Kill a node that is not CORE permanently on one side or both; sometimes a CORE node of the cloud."""
     sides = dice.choice(((system.robot,), (system.cloud,), (system.robot, system.cloud)))
     for side in sides:
         system.world.at(dice.uniform(*SOON_S), side.nodes["planner"].kill, FOREVER_S)
@@ -146,7 +146,7 @@ def _die(system: System, dice: random.Random) -> None:
 
 
 def _results(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return a node with placement Cloud, whose results pass whoever is in charge."""
+    """Add a node with placement Cloud, whose results pass whichever side is in charge."""
     index = len(scenario.outputs)
     output = OutputSpec(
         "detections", 0.3, 0.1, of_cloud=True, nodes=("detector",), max_age_s=dice.choice((0.0, 0.1, 0.2))
@@ -161,14 +161,14 @@ def _results(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _shared(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return a topic that the group and others say, with consumers on both sides."""
+    """Add a topic that both the group and others publish, with consumers on both sides."""
     output = OutputSpec("poses", 0.0, shared=True, nodes=("localizer",))
     scenario = _with_output(scenario, NodeSpec("localizer"), output, Replica(None, dice.choice((0.05, 0.2))))
     return replace(scenario, mirrored=(*scenario.mirrored, len(scenario.outputs) - 1))
 
 
 def _say(system: System, dice: random.Random) -> None:
-    """Publish on the shared topic of the robot as others do, for ever."""
+    """Publish on the robot's shared topic as others do, without end."""
     del dice
     index = next(i for i, output in enumerate(system.scenario.outputs) if output.shared)
     collector, said = system.robot.collector, 0
@@ -188,7 +188,7 @@ def _say(system: System, dice: random.Random) -> None:
 
 
 def _changing(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return settings that a person will ask for while the robot runs."""
+    """Add settings that a person will request while the robot runs."""
     settings = scenario.settings
     asked: list[Settings] = []
     while len(asked) < 3:
@@ -225,7 +225,7 @@ def _adopt(system: System, settings: Settings) -> None:
 
 
 def _replaced(system: System, dice: random.Random) -> None:
-    """Replace the cloud's pods: they announce it, end, and return. Some end before the robot has taken over."""
+    """Replace the cloud's pods: they announce their end, end, and return. Some end before the robot has taken over."""
     for start_s in (dice.uniform(5.0, 15.0), dice.uniform(20.0, 30.0)):
         end_s = start_s + dice.uniform(0.0, 3.0)
         system.world.at(start_s, system.cloud.control.deliver, _announce, system)
@@ -250,14 +250,14 @@ def _rivalled(scenario: Scenario, dice: random.Random) -> Scenario:
 
 
 def _rival(system: System, dice: random.Random) -> None:
-    """Publish the wheels' topic as a stranger for a while, mostly when all else is quiet."""
+    """Publish the wheels' topic as another publisher for a while, mostly when all else is quiet."""
     start_s = dice.choice((dice.uniform(4.0, 12.0), dice.uniform(20.0, 23.0)))
     system.world.at(start_s, system.rivals.append, "intruder")
     system.world.at(start_s + dice.uniform(2.0, 6.0), system.rivals.clear)
 
 
 def _big(scenario: Scenario, dice: random.Random) -> Scenario:
-    """Return messages of which a few fill a socket: the byte limit counts, not the number of datagrams."""
+    """Make messages so big that a few fill a socket: the byte limit counts, not the number of datagrams."""
     big = {name: replace(r, size=dice.choice((200, BIG))) for name, r in scenario.replicas.items()}
     cloud = {
         name: replace(r, size=big[name].size if name in big else BIG) for name, r in scenario.cloud_replicas.items()

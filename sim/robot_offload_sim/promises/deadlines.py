@@ -1,4 +1,4 @@
-"""What only time can break: checked with every tick of the robot's control process (10 ms)."""
+"""Promises that only time can break, checked with every tick of the robot's control process (10 ms)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from robot_offload_sim.sides.system import System
 from robot_offload_sim.world.nodes import Message
 
 HANDOVER_S = 0.0025
-"""Longest local datagram."""
+"""Longest delivery of a local datagram."""
 BUSY_S = 0.11
-"""A service call may meet a busy executor."""
+"""Delay of a service call that meets a busy executor."""
 TIMER_S = 0.025
 SETTLED_S = 8.0
 """T of invariant 5: the longest retry wait of the guardian after a storm, and the transitions."""
 RETURN_S = 4.0
-"""Within this the cloud is used again once nothing holds it back: proving, preparing, changing over."""
+"""Time within which the cloud is used again once nothing holds it back: proving, preparing, changing over."""
 
 BEFORE_CONTROL: Rank = (-1, 0, 0)
 
@@ -36,9 +36,9 @@ class Lane:
 
     Attributes:
         passed_s: true time of the latest message.
-        rank: of its stay in charge.
+        rank: rank of its stay in charge.
         last: (producer, sequence) of the latest message of each side.
-        life: of the collector at which the latest message passed.
+        life: life of the collector at which the latest message passed.
     """
 
     passed_s: float
@@ -48,7 +48,7 @@ class Lane:
 
 
 class Deadlines(Promises):
-    """Watches the clock for what the docstrings of the methods say."""
+    """Checks over time the promises in the docstrings of its methods."""
 
     def __init__(self, run: System, quiet_s: Callable[[], float]) -> None:
         super().__init__(run, quiet_s)
@@ -75,7 +75,7 @@ class Deadlines(Promises):
         control = self.run.robot.control
         if any(n.state is not State.ACTIVE for n in control.guardian.nodes if not n.spec.duplicated):
             self.alone_s = self.world.now
-        # Who is stopped again and again is not excused each time anew: a row of stops is one, and excuses a lease.
+        # Repeated stops are not each excused anew: a row of stops counts once, and excuses a lease.
         running_s = min(control.running_since_s, control.row_s + self.settings.lease_s)
         self._check_detection(control.robot, running_s)
         self._check_stopped(control.robot, running_s)
@@ -138,7 +138,7 @@ class Deadlines(Promises):
         inhibit nobody: there the driver's dead man is the stop.
         """
         driver, now = self.run.driver, self.world.now
-        if not driver.alive:  # it stands, and nobody can release it
+        if not driver.alive:  # it stands, and cannot be released
             return
         if driver.inhibited and placement.IN_CHARGE[robot.phase] is Site.CLOUD and not self.stands_for_rival():
             self._check_released()
@@ -153,7 +153,7 @@ class Deadlines(Promises):
             slices_s += min(self.run.robot.control.stood_s, self.settings.lease_s)
         for index, deadline_s in self.rated:
             since_s = max(base_s, self.lanes[index].passed_s)
-            if index not in self.prompt:  # speaks one of its periods after its side took over
+            if index not in self.prompt:  # publishes one of its periods after its side took over
                 since_s = max(since_s, self.charged_s, self._returned_s(index))
             silent_s = now - since_s
             limit_s = (

@@ -1,8 +1,8 @@
-"""The invariants of the protocol, watched from outside the machines in true time.
+"""The invariants of the protocol, checked from outside the machines in true time.
 
-The observer stands at the consumer (what passes), at the cloud's egress (what leaves), at the wire (which grants were
-sent and heard), at the wheels, and at the admission of effects. It knows the producer and sequence of every message.
-What an event can break is checked at that event; what only time can break stands in `deadlines`. The docstring of a
+The observer sees the consumer (what passes), the cloud's egress (what leaves), the wire (which grants were sent and
+received), the wheels, and the admission of effects. It knows the producer and sequence of every message. Invariants
+that an event can break are checked at that event; those that only time can break are in `deadlines`. The docstring of a
 method is the definition that is checked.
 """
 
@@ -52,7 +52,7 @@ class Observer(Deadlines):
         self.permitted_s: dict[Token, float] = {}
         self.heard_grant_s: dict[Token, float] = {}
         self.handed = Known(HANDOVER_S)
-        # What the pulse has sent travels with the beat that arrives next: control may not know the newest one yet.
+        # Control learns of the pulse's last beat only with the next arriving beat: it may not know the newest one yet.
         self.sent = Known(HANDOVER_S + self.settings.beat_period_s)
         self.flip_s: float | None = None
         self.left_stay: tuple[int, int] | None = None
@@ -75,7 +75,7 @@ class Observer(Deadlines):
         self.world.note("cloud control started", incarnation[:6])
 
     def gate_said(self, gate: Gate) -> None:
-        """Note whom control has ordered the collector to pass."""
+        """Note which side control has ordered the collector to pass."""
         self.named_s[gate.current.token] = self.world.now
         if gate.next is not None:
             self.named_s[gate.next.token] = self.world.now
@@ -186,7 +186,7 @@ class Observer(Deadlines):
         if envelope is not None:
             return (self.order.get(envelope.token.robot, -2), envelope.token.epoch, 0)
         state = self.run.robot.collector.state
-        if state.charge is None:  # nobody has spoken yet
+        if state.charge is None:  # no side has published yet
             return BEFORE_CONTROL
         token = state.charge.token
         return (self.order[token.robot], token.epoch, int(state.charge.site is Site.CLOUD))
@@ -259,7 +259,7 @@ class Observer(Deadlines):
     def left_cloud(self, token: Token) -> None:
         """Invariant 2: nothing leaves later than a lease after the robot sent the last grant that the cloud got."""
         now = self.world.now
-        if token.epoch:  # who is in charge does not matter to presence
+        if token.epoch:  # presence does not depend on the side in charge
             self.left_s = (now, token)
         lease_s = self.settings.lease_s * (1 + DRIFT) / min(1.0, self.run.cloud.host.rate)  # by the cloud's clock
         granted_s = self.heard_grant_s.get(token, -1e9)

@@ -20,20 +20,20 @@ from robot_offload_sim.world.ports import Payload
 from robot_offload_sim.world.violations import ViolationError
 
 OTHERS = "others"
-"""Producer of what somebody outside the group says on a shared topic."""
+"""Producer name of publishers outside the group on a shared topic."""
 HANDING = frozenset({Reason.GOALS_PENDING, Reason.DIVERGED, Reason.REPLICA_PARAMETERS_DIFFER})
-"""What a change may wait for, and what never ends a stay."""
+"""Reasons for which a change may wait, but which never end a stay."""
 RIVAL_S = 3.0
 """A look at the graph, a report with details, a changeover or a takeover by the activation deadline."""
 FORGOTTEN_S = 2.0
-"""So long after a second publisher has gone control may know of it: a look, a report, an inhibit that is lifted."""
+"""How long control may know of a second publisher after its end: a look, a report, the lifting of an inhibit."""
 
 Rank = tuple[int, int, int]
 Stay = tuple[int, int]
 
 
 def loosest(settings: tuple[Settings, ...]) -> Settings:
-    """Return the longest of each limit among the settings that may be asked for: bounds hold through a change."""
+    """Return the longest of each limit among settings that may be requested, so that bounds hold through a change."""
     return replace(
         settings[0],
         lease_s=max(s.lease_s for s in settings),
@@ -44,7 +44,7 @@ def loosest(settings: tuple[Settings, ...]) -> Settings:
 
 
 class Promises:
-    """Watches what the docstrings of the methods say."""
+    """Checks the promises in the docstrings of its methods."""
 
     def __init__(self, run: System, quiet_s: Callable[[], float]) -> None:
         self.run = run

@@ -1,4 +1,4 @@
-"""Clients on the robot: stock action and service clients, and what they were promised (handover, section 9)."""
+"""Clients on the robot: standard action and service clients, and the promises to them (handover, section 9)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from robot_offload_sim.world.world import World
 
 LOOK_S = 0.05
 ASK_AGAIN_S = 3.0
-"""A client whose question for a result got lost with a relay asks again, as one that polls does."""
+"""A client whose request for a result was lost with a relay asks again, like one that polls."""
 SLACK_S = 1.0
-"""For hand-overs, letters that are written again, a relay that is started again: beside each deadline below."""
+"""Added to each deadline below, for hand-overs, letters sent again and a restarted relay."""
 
 
 @dataclass
@@ -29,9 +29,9 @@ class ClientGoal:
     """What a client knows of its goal. Times are true ones.
 
     Attributes:
-        results: (status, payload) of each answer that was terminal.
-        cancel: a cancel of it was accepted.
-        bare_s: since when no copy of it runs at the holder.
+        results: (status, payload) of each terminal answer.
+        cancel: whether a cancel of it was accepted.
+        bare_s: since when no copy of it has been running at the holder.
         fed: (stay, site, tick, attempt) of the feedback that passed.
     """
 
@@ -47,13 +47,13 @@ class ClientGoal:
 
     @property
     def open(self) -> bool:
-        """It was accepted and has no result."""
+        """Return whether it was accepted and has no result."""
         return bool(self.accepted) and not self.results
 
 
 @dataclass
 class ClientCall:
-    """A call: where it was executed, and what its caller got."""
+    """A call: where it was executed, and what its caller received."""
 
     number: int
     service: str
@@ -64,13 +64,13 @@ class ClientCall:
 
 
 class Clients:
-    """All clients, and the observer of what they were promised: invariants 6a to 6e, 7a and 9.
+    """All clients, and the observer of the promises to them: invariants 6a to 6e, 7a and 9.
 
     Attributes:
         goals, calls: by number.
-        unnamed: since when a copy runs that nobody asked to end.
+        unnamed: since when a copy runs whose end was not requested.
         used: effects at services outside, (site, service, true time).
-        count: numbers of goals, calls and callers.
+        count: counter for the numbers of goals, calls and callers.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Clients:
         self.unnamed: dict[tuple[Site, bytes], float] = {}
 
     def start(self) -> None:
-        """Begin to look after the promises."""
+        """Begin to check the promises."""
         self.world.after(LOOK_S, self._look)
 
     # -- what clients do ----------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class Clients:
         return call
 
     def use(self, site: Site, service: str) -> ClientCall:
-        """Return a replica of a side calls a service outside the group."""
+        """Have a replica of a side call a service outside the group."""
         self.count += 1
         call = self.calls[self.count] = ClientCall(self.count, service, self.world.now)
         relay = self.relay if site is Site.ROBOT else self.cloud_relay
@@ -203,7 +203,7 @@ class Clients:
         passed = (holding.stay, site, int.from_bytes(payload[29:33], "big"), payload[33:49])
         if goal.fed and goal.fed[-1][0] == passed[0] and goal.results == []:
             _, _, tick, attempt = goal.fed[-1]
-            # Another copy of the same stay: its server had forgotten the goal, or ended it. No earlier copy comes back.
+            # Another copy of the same stay: its server had forgotten the goal, or ended it. No earlier copy returns.
             forward = tick < passed[2] if attempt == passed[3] else all(heard[3] != passed[3] for heard in goal.fed)
             self.expect(forward, "6b", f"goal {goal.number}: feedback went back")
         self.expect(not goal.fed or passed[0] >= goal.fed[-1][0], "6b", f"goal {goal.number}: feedback of a past stay")
@@ -271,7 +271,7 @@ class Clients:
         self.expect(bare_s <= most_s, "6c", f"goal {goal.number} is executed by nobody for {bare_s:.2f} s")
 
     def _look_at_copy(self, site: Site, execution: Execution) -> None:
-        """Judge 6d: what runs at the other side, and is not named, is asked to end within lease + 1 s."""
+        """Judge 6d: an unnamed execution at the other side is asked to end within lease + 1 s."""
         relay = self.relay if site is Site.ROBOT else self.cloud_relay
         node = self.servers[site].nodes[self.servers[site].of[execution.action]]
         orders = self.relay.process.orders
@@ -293,7 +293,7 @@ class Clients:
     def finish(self, quiet_s: float) -> None:
         """Judge 6a: a goal accepted long ago that could end has a result; callers have an answer.
 
-        Each changeover begins an execution anew (Resend): one that has just begun may take its time.
+        Each changeover restarts an execution (Resend), so one that has just begun may take its time.
         """
         for goal in self.goals.values():
             ends = self.servers[Site.ROBOT].traits[goal.action].takes_s < quiet_s

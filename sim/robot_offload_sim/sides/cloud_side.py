@@ -38,7 +38,7 @@ from robot_offload_sim.world.world import Host, Process
 
 SENT_KEPT = 60
 SENT_EVERY = 7
-"""Every seventh message that left is kept for the fault that lets old ones arrive again."""
+"""Every seventh message that left is kept for the fault that makes old ones arrive again."""
 NOTES_S = 1.0
 
 
@@ -75,7 +75,7 @@ class CloudSide:
 
 
 class WatchedControl(CloudControlProcess):
-    """The core's class; every event of its machine counts for coverage."""
+    """The core's class, with every event of its machine counted for coverage."""
 
     around: Surroundings
 
@@ -89,7 +89,7 @@ class WatchedControl(CloudControlProcess):
 
 
 class CloudControl(Shell):
-    """The cloud's control in virtual time. `leaving`: the end of its pods that is announced; "" for none."""
+    """The cloud's control in virtual time. `leaving`: the announced end of its pods; "" for none."""
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
         super().__init__(around, host, "control", peers)
@@ -182,14 +182,14 @@ class CloudPulse(PulseShell):
         self.bare = 0
 
     def boot(self) -> None:
-        """Start without a report, and has heard nobody."""
+        """Start without a report and without a partner."""
         self.state = pulse.Pulse(UID, Site.CLOUD, self.period_s)
         if self.life > 1:
             self.around.link.pulse.reopen()
         self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
-        """Take what control wants said."""
+        """Take what control wants sent."""
         if isinstance(message, Speak) and isinstance(message.body, CloudReport):
             self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
 
@@ -219,12 +219,12 @@ class CloudPulse(PulseShell):
 
 
 class CloudData(DataShell):
-    """Inputs in; the egress reads the lease for each message at the moment of sending.
+    """Receives inputs; the egress reads the lease for each message at the moment of sending.
 
     Attributes:
-        sent: some of what has left, for the fault that lets old messages arrive again.
-        datagrams: channels of which nothing lost is sent again.
-        since: when the age of messages of each output begins.
+        sent: some of the messages that have left, for the fault that makes old messages arrive again.
+        datagrams: channels whose lost messages are not sent again.
+        since: from when the age of each output's messages counts.
     """
 
     process: CloudDataProcess
@@ -240,7 +240,7 @@ class CloudData(DataShell):
         self.datagrams = {"probe", *(f"out/{scenario.outputs[i].name}" for i in scenario.best_effort)}
 
     def boot(self) -> None:
-        """Start anew: nothing may leave; a new process opens a new session."""
+        """Start over: nothing may leave; a new process opens a new session."""
         self.process = CloudDataProcess(self.around.scenario.cloud_plan, self)
         self.since = [Since() for _ in self.around.scenario.outputs]
         if self.life > 1:
@@ -261,7 +261,7 @@ class CloudData(DataShell):
         )
 
     def cross(self, channel: str, header: bytes, payload: Any) -> bool:
-        """Send over the data session; what leaves is shown."""
+        """Send over the data session, and show it to the witness."""
         session = self.around.link.data
         if isinstance(payload, Payload):
             said = decoded(header)
@@ -283,16 +283,16 @@ class CloudData(DataShell):
     def publish_output(self, index: int, payload: Payload) -> None:
         """Publish to the consumers in the cloud."""
         self.around.witness.heard_in_cloud(index, payload)
-        if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
+        if index in self.process.loops:  # we also listen on the public topic of a shared output
             self.post(self.name, self.process.hear_others, index, payload)
 
     def fill(self, index: int, payload: Payload) -> None:
-        """Publish on the private topic: the replica hears it, and so do we."""
+        """Publish on the private topic: the replica receives it, and so do we."""
         self.around.witness.filled(Site.CLOUD, index, payload)
         self.post(self.name, self.process.leave, index, payload)
 
     def input_type(self, name: str) -> str:
-        """Return the type under which an input is published; the robot's, unless a fault says otherwise."""
+        """Return the type under which an input is published: the robot's, unless a fault changes it."""
         return self.input_types.get(name, TYPE)
 
     def publish_input(self, name: str, payload: Sensed) -> bool:

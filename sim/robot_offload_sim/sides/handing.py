@@ -1,4 +1,4 @@
-"""The room of goals and calls beside the two sides: relays, servers of the nodes, clients."""
+"""Goals and calls beside the two sides: relays, the nodes' servers, clients."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from robot_offload_sim.world.servers import Servers
 
 
 class Handing:
-    """Wires the relays to the sides.
+    """Connects the relays with the sides.
 
     Attributes:
         robot, cloud: the relays.
         servers: of each side.
-        clients: on the robot, with what they were promised.
+        clients: on the robot, with the promises to them.
         outside: the action server outside the group, and its clients in the group.
     """
 

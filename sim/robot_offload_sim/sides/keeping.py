@@ -22,11 +22,11 @@ from robot_offload_sim.world.violations import ViolationError
 from robot_offload_sim.world.world import World
 
 SAID = struct.Struct(">Bd")
-"""Who made a snapshot (1: the robot's node), and when in true time."""
+"""The maker of a snapshot (1: the robot's node), and its true time."""
 TORN_BYTE = 35
-"""In the moment that a serialized snapshot holds: behind 16 bytes of CDR, 18 of the header, 1 of who said it."""
+"""Byte within the time in a serialized snapshot: after 16 bytes of CDR, 18 of the header, 1 of the maker."""
 SLACK_S = 0.005
-"""Between true time and the clocks of the hosts, over the oldest age that is judged."""
+"""Difference between true time and the hosts' clocks over the oldest age that is judged."""
 
 
 class Kept:
@@ -35,12 +35,12 @@ class Kept:
     Attributes:
         restored_s: true time at which the newest snapshot was made that this node was given by the present data
             process: one that has just begun knows of none, and says of what comes next how old it is.
-        silent: faults at work that keep the node from publishing.
+        silent: active faults that keep the node from publishing.
         torn: share of arrivals whose bytes are damaged.
-        deaf: faults at work that keep the node from reading what it is given.
+        deaf: active faults that keep the node from reading what it is given.
         took: how many snapshots the node was given.
-        since, excused_s: what of the age of a snapshot, by the time at which it was made, nobody here could know.
-        began: each time that the node became Active: when (true time), and whether it had got a snapshot by then.
+        since, excused_s: the part of a snapshot's age that could not be known here, by the time at which it was made.
+        began: for each activation of the node: when (true time), and whether it had got a snapshot by then.
     """
 
     def __init__(
@@ -74,14 +74,14 @@ class Kept:
         return self.process
 
     def say(self, period_s: float) -> None:
-        """Publish while the node is Active, again and again."""
+        """Publish repeatedly while the node is Active."""
         self.world.after(period_s, self.say, period_s)
         if self.node.state is State.ACTIVE and self.node.running and not self.silent and self.process is not None:
             data = SAID.pack(self.site is Site.ROBOT, self.world.now)
             self.side.data.post("state", self.hear, data, self.world.now, self.side.host.system_s())
 
     def hear(self, data: bytes, made_s: float, published_s: float) -> None:
-        """Let the data process take what the node published, with its publisher's stamp."""
+        """Give the data process what the node published, with its publisher's stamp."""
         if self.process is not None:
             self.excused_s[made_s] = self.since.counts_s(self.side.host, made_s) - made_s
             self.process.published(self.name, serialized(data), published_s)
@@ -91,7 +91,7 @@ class Kept:
         self.began.append((self.world.now, self.took > 0 and not self.deaf))
 
     def damage(self, payload: bytes) -> bytes:
-        """Return what arrives of a snapshot: sometimes torn."""
+        """Return a snapshot as it arrives, sometimes torn."""
         if self.world.dice.random() >= self.torn:
             return payload
         return payload[:TORN_BYTE] + b"?" + payload[TORN_BYTE + 1 :]
@@ -106,7 +106,7 @@ class Kept:
         of_robot, made_s = SAID.unpack(found.data)
         self.expect(bool(of_robot) is not (self.site is Site.ROBOT), "a node gets its own snapshot back")
         self.expect(made_s >= self.restored_s, "an older snapshot is restored")
-        stood_s = self.side.host.stood_since(made_s)  # by a clock that stands still nothing grows older
+        stood_s = self.side.host.stood_since(made_s)  # by a clock that stands still no message ages
         bound_s, true_s = self.process.standing[name].age_s + stood_s, self.world.now - made_s - self.excused_s[made_s]
         self.expect(bound_s >= true_s - SLACK_S, f"a snapshot of {true_s:.3f} s is said to be {bound_s:.3f} s old")
         self.restored_s = made_s
@@ -118,7 +118,7 @@ class Kept:
         return not self.deaf
 
     def set_parameters(self, name: str, payload: bytes, active: bool) -> str | None:
-        """Refuse what is no snapshot: the nodes here have no other state."""
+        """Refuse: the nodes here have no state other than snapshots."""
         raise AssertionError(name)
 
     def expect(self, holds: bool, text: str) -> None:

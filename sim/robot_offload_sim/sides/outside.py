@@ -34,13 +34,13 @@ class UsedGoal:
 
 
 class Outside:
-    """See the module; judges invariants 6a, 6e and 7a for these goals.
+    """The outside server and its clients; judges invariants 6a, 6e and 7a for their goals.
 
     Attributes:
         node, servers: outside the group.
         goals: of both sides, by number.
-        holders: who held when the robot's relay offered an attempt.
-        strange: since when a goal runs that is not of the present stay's holder.
+        holders: the holder when the robot's relay offered an attempt.
+        strange: since when a goal runs that does not belong to the present stay's holder.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Outside:
         return caller
 
     def send(self, site: Site, action: str) -> UsedGoal:
-        """Return a node of a side sends a goal and asks for its result when it is accepted."""
+        """Have a node of a side send a goal and ask for its result once it is accepted."""
         self.count += 1
         goal = self.goals[self.count] = UsedGoal(self.count, site, action)
         self._post(goal, "goal_requested", goal_words(goal.number))
@@ -115,7 +115,7 @@ class Outside:
     # -- promises -----------------------------------------------------------------------------------------------------
 
     def offered(self, attempt: bytes | None) -> None:
-        """Judge a call of the robot's relay: whoever holds then may do so, or whoever holds when it arrives."""
+        """Judge a call of the robot's relay: permitted to the holder at that time, or on arrival."""
         if attempt is not None:
             self.holders[attempt] = self.robot.holder()
 
@@ -128,7 +128,7 @@ class Outside:
             )
 
     def _look(self) -> None:
-        """Judge rule 11: what an earlier stay left running is asked to end in time."""
+        """Judge rule 11: goals left running by an earlier stay are asked to end in time."""
         self.world.after(LOOK_S, self._look)
         stay = self.robot.holder().stay
         for attempt, execution in self.servers.executions.items():

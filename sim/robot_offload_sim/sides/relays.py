@@ -24,11 +24,11 @@ TURN_LEAST_S = 0.002
 
 
 class RelayShell(Shell):
-    """What the shells of both relays do alike.
+    """The common part of both relays' shells.
 
     Attributes:
-        servers: of this side.
-        clients: who gets what the relay answers (the robot's only).
+        servers: servers of this side.
+        clients: receivers of the relay's answers (the robot's only).
         outside: takes a call at a used service outside the group: (site, service, payload).
         beyond: the action server outside, and its clients in the group.
     """
@@ -120,7 +120,7 @@ class RelayShell(Shell):
         self.call(Face.GROUP, service, key, payload)
 
     def forget_call(self, key: int) -> None:
-        """Answer that nobody wants are left out by the core."""
+        """Do nothing: the core ignores answers that are no longer wanted."""
 
     def feed(self, action: str, payload: bytes) -> None:
         """Take feedback of a server here."""
@@ -154,14 +154,14 @@ class RelayShell(Shell):
         (self.beyond if face is Face.GROUP else self.clients).fed(payload)
 
     def publish_status(self, face: Face, action: str, goals: Sequence[GoalEntry]) -> None:
-        """Do nothing: clients here read no status."""
+        """Do nothing: clients here do not read the status."""
 
     def answer_call(self, face: Face, service: str, caller: bytes, payload: bytes) -> None:
         """Answer a client."""
         self.clients.answered(caller, payload)
 
     def fail_call(self, face: Face, service: str, caller: bytes, reason: str, message: str) -> None:
-        """Give a client no server's answer."""
+        """Inform a client that no server answered."""
         self.clients.failed(caller, reason)
 
 

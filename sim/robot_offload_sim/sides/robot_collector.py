@@ -19,7 +19,7 @@ from robot_offload_sim.world.world import Host
 
 
 class WatchedCollector(CollectorProcess):
-    """The core's class; its passages count for coverage, a change of who passes is shown."""
+    """The core's class, with passages counted for coverage and changes of the passing side shown."""
 
     around: Surroundings
 
@@ -60,7 +60,7 @@ class CollectorShell(Shell):
         return self.process.state
 
     def boot(self) -> None:
-        """Take up what an earlier life had kept."""
+        """Resume from what an earlier life had kept."""
         self.process = WatchedCollector(self.plan, self, self.kept)
         self.process.around = self.around
         if self.kept is not None:
@@ -71,7 +71,7 @@ class CollectorShell(Shell):
             self.every(LOOK_S, lambda: self.process.rival(0, self.rivals))
 
     def _plan_look(self) -> None:
-        """Plan the look for a message of the cloud that would be missing then."""
+        """Plan the check for a message of the cloud that would be missing then."""
         due_s = self.process.look_due_s()
         if due_s < self.look_s:
             self.look_s = due_s
@@ -103,7 +103,7 @@ class CollectorShell(Shell):
         self._plan_look()
         following = message.gate.next if isinstance(message, SetGate) else None
         if following is not None and before != following == self.process.state.charge:
-            self.around.witness.flipped(before)  # nothing had to be heard: it changed over on being armed
+            self.around.witness.flipped(before)  # no message was needed: it changed over when armed
 
     def robot_message(self, index: int, message: Message) -> None:
         """Take what the robot's replica has published."""
@@ -111,7 +111,7 @@ class CollectorShell(Shell):
         self.process.offer_robot(index, Payload(Site.ROBOT, message, b"", self.world.now))
 
     def cloud_effect(self, token: Token) -> None:
-        """Take a request of the cloud: it is admitted from the holder of the token only."""
+        """Take a request of the cloud, which is admitted only from the holder of the token."""
         self.around.coverage.effect(self.process.state, token)
         if gate.admits_effect(self.process.state, token, self.host.now_s()).passes:
             self.around.witness.cloud_effect(token)
@@ -123,7 +123,7 @@ class CollectorShell(Shell):
         if index == 0:
             self.around.driver.command()
         self.around.witness.passed(index, payload)
-        if index in self.process.loops:  # we listen on the public topic of a shared output ourselves
+        if index in self.process.loops:  # we also listen on the public topic of a shared output
             self.post(self.name, self.others, index, payload)
 
     def others(self, index: int, payload: Payload) -> None:
@@ -131,7 +131,7 @@ class CollectorShell(Shell):
         self.process.hear_others(index, payload)
 
     def fill(self, index: int, payload: Payload) -> None:
-        """Publish on the private topic: the replica hears it, and so do we."""
+        """Publish on the private topic: the replica receives it, and so do we."""
         self.around.witness.filled(Site.ROBOT, index, payload)
         self.post(self.name, self.process.offer_robot, index, payload)
 
@@ -140,12 +140,12 @@ class CollectorShell(Shell):
         return TYPE
 
     def topics_of(self, index: int) -> tuple[str, str]:
-        """Return the topics of an output, for sentences."""
+        """Return the topics of an output, for messages."""
         name = self.plan.outputs[index].name
         return f"/{name}", f"/robot/{name}"
 
     def save(self, state: Collector) -> None:
-        """Keep who passes."""
+        """Save which side passes."""
         if state.charge is not None:
             self.kept = (state.charge, state.started_us, state.fell_back, state.stay)
 

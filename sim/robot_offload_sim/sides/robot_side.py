@@ -37,7 +37,7 @@ from robot_offload_sim.world.since import Since
 from robot_offload_sim.world.world import Host, Process
 
 LEAVING_S = 25.0
-"""As the agent's: so long the robot does not choose a cloud whose pods are going."""
+"""As in the agent: how long the robot does not choose a cloud whose pods are going."""
 LIMITS_S = 1.0
 
 
@@ -76,7 +76,7 @@ class RobotSide:
 
 
 class WatchedControl(RobotControlProcess):
-    """The core's class; every event of its machine counts for coverage."""
+    """The core's class, with every event of its machine counted for coverage."""
 
     watch: Any
 
@@ -91,7 +91,7 @@ class RobotControl(Shell):
     """The robot's control in virtual time.
 
     Attributes:
-        in_force: settings that hold; as on the robot's disk they outlive the process.
+        in_force: settings that hold; like those on the robot's disk they outlive the process.
     """
 
     def __init__(self, around: Surroundings, host: Host, peers: dict[str, Shell]) -> None:
@@ -232,11 +232,11 @@ class RobotControl(Shell):
         self.around.witness.robot_decided(decided)
 
     def effects_changed(self) -> None:
-        """Take note of who is admitted."""
+        """Note which side is admitted."""
         self.process.take_effects()
 
     def available(self, statements: tuple[Available, ...]) -> None:
-        """Show what is stated of the nodes with placement Cloud."""
+        """Show the statements about nodes with placement Cloud."""
         self.around.witness.available(statements)
 
 
@@ -251,7 +251,7 @@ class RobotPulse(PulseShell):
         self.told_sent_s = 0.0
 
     def boot(self) -> None:
-        """Start without a permission, and has heard nobody."""
+        """Start without a permission and without a partner."""
         self.state = pulse.Pulse(UID, Site.ROBOT, self.period_s)
         self.sent, self.told_sent_s = None, 0.0
         if self.life > 1:
@@ -259,7 +259,7 @@ class RobotPulse(PulseShell):
         self.once(0.0, self.turn)
 
     def take(self, message: object) -> None:
-        """Take what control wants said."""
+        """Take what control wants sent."""
         if isinstance(message, Speak):
             self.state = pulse.speak(self.state, message.incarnation, message.body, message.said_s)
         elif isinstance(message, Reopen):
@@ -272,7 +272,7 @@ class RobotPulse(PulseShell):
         self.around.witness.beat_sent(beat)
         self.around.link.pulse.up.carry(written(beat), self.world.now)
         self.sent = PulseSent(now_s, isinstance(beat.body, Permission) and beat.body.granted)
-        if now_s - self.told_sent_s > self.period_s:  # else a beat that arrives brings it along
+        if now_s - self.told_sent_s > self.period_s:  # otherwise an arriving beat carries it
             self.told_sent_s = now_s
             self.send("control", self.sent)
 

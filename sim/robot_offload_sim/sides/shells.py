@@ -1,4 +1,4 @@
-"""What the shells of both sides do alike in virtual time: datagrams between processes, beats as text, service calls."""
+"""The common part of both sides' shells in virtual time: datagrams between processes, beats as text, service calls."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ TYPE = "simulated/msg/Payload"
 LOOK_S = 0.5
 """As in the agent: how often nodes without a lifecycle are looked for."""
 RENEWED_S = 0.030
-"""A level that has not changed lies in its receiver's inbox for at most about so long: then the receiver turns."""
+"""An unchanged level waits in its receiver's inbox for at most about this long, until the receiver's next turn."""
 SLACK_S = 0.010
-"""As in the agent: what is due waits so long for a datagram to come with."""
+"""As in the agent: how long a due message waits for a datagram to share the turn with."""
 LATE_S = 1e-4
 """How much later than planned a timer may come."""
 
@@ -37,7 +37,7 @@ class Shell(Process):
     """A process of the agent around one of the core's classes.
 
     Attributes:
-        peers: the other processes of this side by name; those that are absent get nothing.
+        peers: the other processes of this side by name; absent ones get nothing.
     """
 
     def __init__(self, around: Surroundings, host: Host, name: str, peers: dict[str, Shell]) -> None:
@@ -70,7 +70,7 @@ class Shell(Process):
         return True
 
     def renew(self, to: str, message: object) -> bool:
-        """Put a level that has not changed into the inbox of another process, which reads it when it wakes."""
+        """Put an unchanged level into the inbox of another process, which reads it when it wakes."""
         peer = self.peers.get(to)
         if peer is None or not peer.alive:
             return False
@@ -79,7 +79,7 @@ class Shell(Process):
         return True
 
     def read_renewed(self) -> None:
-        """Take the levels that were only repeated: this process has woken, or is about to."""
+        """Take the levels that were only repeated, as this process has woken or is about to."""
         waiting, self.renewed = self.renewed, []
         for sender, message in waiting:
             self.post(sender, self.take, message)
@@ -90,12 +90,12 @@ class Shell(Process):
 
 
 class PulseShell(Shell):
-    """A pulse process: beats go out when they are due, or with one that has just come.
+    """A pulse process: beats are sent when due, or together with one that has just come.
 
     Attributes:
-        state: of the core's pulse.
-        heard: the newest beat of the partner, in a memory file that outlives this process: the data process looks at it
-            whenever it handles something, however long what it handles has waited.
+        state: state of the core's pulse.
+        heard: the newest beat of the partner, in a memory file that outlives this process; the data process reads it
+            for each message that it handles, however long the message has waited.
     """
 
     state: pulse.Pulse
@@ -106,7 +106,7 @@ class PulseShell(Shell):
         """Send the next beat."""
 
     def turn(self) -> None:
-        """Send the beat that has not gone out with one of the other side."""
+        """Send the beat that was not sent together with one of the other side."""
         left_s = pulse.wake_s(self.state) - self.host.now_s()
         if left_s <= 0:
             self.beat()
@@ -114,17 +114,17 @@ class PulseShell(Shell):
         self.once(max(0.0, left_s) / self.host.rate + LATE_S * self.world.dice.random(), self.turn)
 
     def answer(self, arrived_s: float) -> None:
-        """Send the next beat with the one that has just been heard, where it goes with that."""
+        """Send the next beat together with the one just received, if it is to go with that."""
         if pulse.joins(self.state, arrived_s):
             self.beat()
 
 
 class DataShell(Shell):
-    """A data process: turns when something is due, the data session below.
+    """A data process: turns when something is due, on top of the data session.
 
     Attributes:
-        exchange: makes the exchange of state for a process that begins; None: no state is declared.
-        damage: what the way does to a state's bytes.
+        exchange: makes the exchange of state for a new process; None: no state is declared.
+        damage: damages a state's bytes on the way.
     """
 
     process: DataProcess
@@ -134,11 +134,11 @@ class DataShell(Shell):
 
     @property
     def lock(self) -> AbstractContextManager[Any]:
-        """Return a lock that locks nothing: there is one thread."""
+        """Return a lock without effect: there is one thread."""
         return nullcontext()
 
     def boot_timers(self) -> None:
-        """Plan the first turn; the exchange of state begins anew."""
+        """Plan the first turn, and start the exchange of state over."""
         self.states = self.exchange(self.process) if self.exchange is not None else None
         self.once(self.world.dice.random() * 0.04, self._turn)
 
@@ -191,12 +191,12 @@ class DataShell(Shell):
 
 
 def written(beat: Beat) -> Beat | str:
-    """Return what crosses the link for a beat."""
+    """Return the form in which a beat crosses the link."""
     return beats.encode(beat) if beat.sequence % TEXT_EVERY == 0 else beat
 
 
 def read(sent: Beat | str) -> Beat | None:
-    """Return what arrived, None for garbage."""
+    """Return the beat that arrived, None for garbage."""
     if isinstance(sent, Beat):
         return sent
     try:
@@ -230,5 +230,5 @@ def call_node(
 
 
 def plain_nodes_seen(nodes: dict[str, Node]) -> guardians.Seen:
-    """Return what a look at the graph finds: nodes without a lifecycle whose process lives."""
+    """Return what the graph shows: nodes without a lifecycle whose process lives."""
     return guardians.Seen(tuple(name for name, node in nodes.items() if not node.spec.lifecycle and node.alive))

@@ -19,7 +19,7 @@ from robot_offload_sim.world.world import Host, World
 
 
 def size_of(words: tuple[Any, ...]) -> int:
-    """Return the bytes of a datagram: those of the message that it carries, and 200 for what comes with it."""
+    """Return the bytes of a datagram: those of its message, and 200 for the rest."""
     for word in words:
         payload = word.payload if isinstance(word, Carried) else word
         message = payload.message if isinstance(payload, Payload) else payload
@@ -32,11 +32,11 @@ class System:
     """Everything wired together, at rest.
 
     Attributes:
-        handing: relays, servers and clients where services or actions are declared.
-        keeping: nodes with state, where it is declared.
+        handing: relays, servers and clients, if services or actions are declared.
+        keeping: nodes with state, if it is declared.
         silent_inputs: indices of inputs that faults keep silent, once per fault.
         rivals: nodes that publish the topic of output 0 besides the collector.
-        cut_short_s: true time when pods were last gone before the robot had taken over, as they had asked for.
+        cut_short_s: true time when pods last ended before the robot had taken over, which they had requested.
     """
 
     def __init__(self, scenario: Scenario, name: str) -> None:

@@ -14,7 +14,7 @@ def _wait(stage: GoalStage, call: ClientCall, within_s: float = 4.0) -> None:
 
 
 def call_in_a_change() -> None:
-    """A commanded change leaves requests where they are: the old side answers, nobody executes twice."""
+    """A commanded change leaves requests where they are: the old side answers, and none is executed twice."""
     stage = GoalStage()
     stage.in_cloud()
     stage.traits(CLOUD, PLAN).call_s = 1.0

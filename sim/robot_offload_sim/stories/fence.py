@@ -71,7 +71,7 @@ def stranger_in_the_echo() -> None:
 
 
 def old_grants() -> None:
-    """Grant of an earlier epoch that arrive again change nothing (pulse, lease: order of beats, epochs)."""
+    """Grants of an earlier epoch that arrive again change nothing (pulse, lease: order of beats, epochs)."""
     stage = Stage()
     stage.start()
     beats: list[Beat] = []
@@ -123,7 +123,7 @@ def robot_that_went() -> None:
 
 
 def foreign_beats() -> None:
-    """Beats of another deployment, and our own side's, are nobody's."""
+    """Beats of another deployment, and our own side's, are ignored."""
     stage = Stage()
     stage.start()
     stage.run(0.1)
@@ -146,7 +146,7 @@ def foreign_beats() -> None:
 
 
 def second_cloud() -> None:
-    """A second cloud agent that claims to act disturbs nobody: the one in charge goes on."""
+    """A second cloud agent that claims to act has no effect: the one in charge goes on."""
     stage = Stage()
     stage.in_cloud()
     host = Host(stage.world, "other cloud")
@@ -239,7 +239,7 @@ def shorter_lease_at_run_time() -> None:
 
 
 def effects_while_offered() -> None:
-    """While a changeover is offered to the collector nobody else's effects are admitted."""
+    """While a changeover is offered to the collector no other side's effects are admitted."""
     stage = Stage(replicas={"controller": Replica(0, 0.05, on_activate=True)})
     stage.start()
     stage.until(lambda: stage.offered, 6.0, "the changeover is offered")

@@ -1,4 +1,4 @@
-"""Stories of garbage and other versions in every channel: neither is taken for something, and nobody is held up."""
+"""Stories of garbage and other versions in every channel: neither is taken for a message or holds anything up."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def garbage_in_every_channel() -> None:
 
 
 def garbage_beside_bare_beats() -> None:
-    """Beats that prove no round trip say little: what is wrong with one is seen all the same, and nothing follows."""
+    """Beats that prove no round trip contain little: a fault in one is noticed anyway, and nothing follows."""
     for number in range(3):
         stage = Stage(f"story {number}")
         stage.in_cloud()

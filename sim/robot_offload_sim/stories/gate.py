@@ -70,7 +70,7 @@ def repeated_next() -> None:
 
 
 def impossible_echo() -> None:
-    """A message that echoes a beat of the future is nobody's."""
+    """A message that echoes a beat of the future is ignored."""
     stage = Stage()
     stage.in_cloud()
     before = len(stage.seen.messages)

@@ -42,7 +42,7 @@ SETTINGS = Settings(hold_down_initial_s=1.0, flap_window_s=3.0, hold_down_max_s=
 
 
 class GoalStage(Stage):
-    """See the module. Output 0 is not rated: it is silent when there is nothing to do."""
+    """A stage with relays, servers and clients. Output 0 is not rated: it is silent when there is nothing to do."""
 
     def __init__(self, name: str = "story", **changes: Any) -> None:
         changes.setdefault("relay", RELAY)
@@ -66,14 +66,14 @@ class GoalStage(Stage):
         return sum(1 for e in self.handing.servers[side].began if e.number == goal.number)
 
     def goal(self, action: str = FOLLOW) -> ClientGoal:
-        """Return a client sends a goal, which begins on the side in charge."""
+        """Have a client send a goal, which begins on the side in charge."""
         goal = self.clients.send(action)
         self.until(lambda: bool(goal.accepted), 3.0, "the goal is accepted")
         self.until(lambda: bool(self.copies(self.holder, goal)), 3.0, "the goal is executed")
         return goal
 
     def on_robot(self) -> None:
-        """Start, and wait until all is calm on a robot that is pinned to itself."""
+        """Start, and wait until all is calm with a pin on the robot."""
         self.start()
         self.robot_acts()
         self.pin(Site.ROBOT)
@@ -81,7 +81,7 @@ class GoalStage(Stage):
 
     @property
     def holder(self) -> Site:
-        """Return who holds, as the collector's memory says."""
+        """Return the holder according to the collector's memory."""
         return self.handing.robot.holder().site
 
     def to(self, site: Site, within_s: float = 8.0) -> None:
@@ -90,7 +90,7 @@ class GoalStage(Stage):
         self.until(lambda: self.holder is site, within_s, f"the {site.value} holds")
 
     def lose_cloud(self) -> Any:
-        """Cut the link; return what joins it again."""
+        """Cut the link; return the function that restores it."""
         join = self.cut()
         self.until(lambda: self.holder is Site.ROBOT, 2.0, "the robot takes over")
         return join
@@ -101,7 +101,7 @@ class GoalStage(Stage):
         self.expect(goal.results[0][0] is status, f"goal {goal.number} is {goal.results[0][0].name}, not {status.name}")
 
     def let_end(self, action: str = FOLLOW) -> None:
-        """Let what is executed come to its end on both sides."""
+        """Let executions on both sides end."""
         for site in Site:
             self.traits(site, action).takes_s = 0.0
 

@@ -1,4 +1,4 @@
-"""Storms with goals and calls: a stretch as any other, with relays, servers of many habits, and busy clients."""
+"""Storms with goals and calls: ordinary stretches, with relays, servers of various behaviour, and busy clients."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_offload_sim.world.world import World
 ACTS_PER_S = 2.0
 PREPARE_S = 2.0
 DECIDED_WITHIN_S = 25.0
-"""The longest goal (8 s), its deadlines, a relay that is stopped meanwhile: whatever is older has its result."""
+"""The longest goal (8 s), its deadlines, a relay stopped meanwhile: every older goal has its result."""
 RESTART_S = 0.3
 EVERY = 6
 """Every sixth stretch of the storms."""
@@ -41,7 +41,7 @@ def drawn_with_state(dice: random.Random) -> Scenario:
 
 
 class Demands:
-    """What clients, replicas and misfortune do to the relays: goals, cancels, calls, deaths, stops."""
+    """What clients, replicas and faults do to the relays: goals, cancels, calls, deaths, stops."""
 
     def __init__(self, world: World, handing: Handing, dice: random.Random) -> None:
         self.world = world
@@ -102,7 +102,7 @@ def with_goals(index: int) -> bool:
 
 
 def live(seed: int, index: int, *, state: bool = False) -> Outcome:
-    """Live one stretch, with `state` always; the end of each goal and call is judged too."""
+    """Run one stretch, with `state` always; the end of each goal and call is judged too."""
     chunk = Chunk(seed, index, drawn_with_state if state else drawn)
     handing = chunk.system.handing
     assert handing is not None

@@ -417,7 +417,7 @@ def many_goals_at_once() -> None:
 
 
 def cancelled_by_somebody_else() -> None:
-    """Somebody cancels at the server itself: the client, who asked for nothing, hears ABORTED (invariant 6e)."""
+    """Another client cancels at the server itself: the goal's own client, who did not, gets ABORTED (invariant 6e)."""
     stage = GoalStage()
     stage.in_cloud()
     goal = stage.goal()

@@ -15,7 +15,7 @@ MAP = NodeSpec("map_server")
 
 
 def dead_node_before_the_core() -> None:
-    """A node that is not CORE, is declared first and is dead for good, holds up nobody after a loss."""
+    """A node that is not CORE, is declared first and is dead for good, holds up no other node after a loss."""
     stage = Stage(nodes=(MAP, PLANNER, CONTROLLER))
     stage.in_cloud()
     stage.robot.nodes["map_server"].kill(FOREVER_S)
@@ -40,7 +40,7 @@ def idle_outputs() -> None:
 
 
 def nothing_to_hear() -> None:
-    """Outputs without a rate that say nothing change over all the same: a pin is obeyed in both directions."""
+    """Outputs without a rate that publish nothing change over anyway: a pin is obeyed in both directions."""
     stage = Stage(
         nodes=(replace(PLANNER, core=True),),
         outputs=(OutputSpec("plan", 0.0),),

@@ -18,9 +18,9 @@ from robot_offload_sim.world.nodes import Message
 from robot_offload_sim.world.scenario import Replica
 
 JUDGED_S = 0.05
-"""Shorter than the time in which a takeover is judged."""
+"""Less than the time in which a takeover is judged."""
 LEARNED_S = 6.0
-"""In which the margin is learned: a hundred messages."""
+"""Time in which the margin is learned: a hundred messages."""
 PERIOD_S = 0.05
 BOTH = (Site.ROBOT, Site.CLOUD)
 HOT = NodeSpec("controller", core=True, hot=True)
@@ -38,7 +38,7 @@ def _stage(cloud_s: float = PERIOD_S, **changes: Any) -> Stage:
 
 
 def _every(period_s: float) -> dict[str, Any]:
-    """Return what makes both replicas speak at a rate."""
+    """Return the arguments that make both replicas publish at a rate."""
     return {"outputs": (replace(COMMANDS, period_s=period_s),), "replicas": {"controller": Replica(0, period_s)}}
 
 
@@ -95,7 +95,7 @@ def both_silent_prove_nothing() -> None:
 
 
 def _pause_of_the_cloud(stage: Stage, for_s: float) -> None:
-    """Let the data wire keep everything back for a while."""
+    """Let the data wire hold everything back for a while."""
     wire, heard = stage.link.data.down, len(stage.seen.messages)
     stage.until(lambda: len(stage.seen.messages) > heard, 0.1, "a message just came")
     wire.cut_held += 1
@@ -132,7 +132,7 @@ def _forget_mistakes(stage: Stage) -> None:
 
 
 def _lose(stage: Stage, for_s: float) -> None:
-    """Let everything get lost that the cloud says within a time, from just after a message on."""
+    """Lose everything that the cloud sends within a time that begins just after a message."""
     wire, heard = stage.link.data.down, len(stage.seen.messages)
     stage.until(lambda: len(stage.seen.messages) > heard, 0.1, "a message just came")
     wire.losses.append(1.0)
@@ -164,7 +164,7 @@ def mistake_teaches_whoever_hears_nothing_more() -> None:
 
 
 def _mistake(stage: Stage) -> None:
-    """Let a message get lost, and all that the cloud says after the robot took it for the cloud's end."""
+    """Lose a message, and all that the cloud sends after the robot took that for the cloud's end."""
     _lose(stage, PERIOD_S)
     stage.until(lambda: stage.site is Site.ROBOT, 0.1, "taken for lost")
     wire = stage.link.data.down
@@ -297,11 +297,11 @@ def hour_on_a_lossy_link(
     cloud_s: float = PERIOD_S, *, best_effort: bool = False, for_s: float = 3600.0, name: str = "story",
     loss: float = 0.03,
 ) -> int:  # fmt: skip
-    """Return how many takeovers by silence an hour at 40 +- 5 ms has that no limit confirms.
+    """Return how many takeovers by silence, unconfirmed by a limit, an hour at 40 +- 5 ms has.
 
     Args:
         cloud_s: period of the cloud's replica, seconds; the declared one is 50 ms.
-        best_effort: what is lost is not sent again.
+        best_effort: whether lost messages are not sent again.
         for_s: how long instead of an hour, seconds.
         name: seed of the run.
         loss: share of the packets that are lost, both ways.

@@ -63,7 +63,7 @@ def released_by_messages_after_a_loss() -> None:
 
 
 def held_back_is_not_heard() -> None:
-    """What a Hot robot publishes while the collector still passes the cloud moves nothing and releases nobody."""
+    """What a Hot robot publishes while the collector still passes the cloud moves nothing and releases no driver."""
     stage = Stage(hot=True)
     stage.in_cloud()
     start_s = stage.now
@@ -142,7 +142,7 @@ def slow_outputs_hold_nobody() -> None:
 
 
 def _slow_arm(**changes: Any) -> Stage:
-    """Return a stage whose arm speaks each 5 s, from its activation on, and may be silent for 12 s."""
+    """Return a stage whose arm publishes every 5 s from its activation on, and may be silent for 12 s."""
     slow: dict[str, Any] = TWO | {
         "outputs": (OutputSpec("cmd_vel", 0.15), OutputSpec("arm", 12.0)),
         "replicas": {"controller": Replica(0, 0.05), "arm": Replica(1, 5.0, on_activate=True)},
@@ -230,7 +230,7 @@ def collector_that_returns_waits_for_no_slow_output() -> None:
 
 
 def driver_that_dies_inhibited() -> None:
-    """A driver that dies while it is inhibited stands, which nobody can lift, and comes back free."""
+    """A driver that dies while it is inhibited stands, which cannot be lifted, and comes back free."""
     stage = Stage()
     stage.in_cloud()
     stage.driver.inhibited = True

@@ -82,7 +82,7 @@ def mirror_over_changes() -> None:
 
 
 def mirror_ends_early() -> None:
-    """A mirror that ended is nobody's result, and is not begun again while the goal runs."""
+    """A mirror that ended gives no result, and is not begun again while the goal runs."""
     stage = GoalStage(hot=True, relay=MIRROR)
     stage.in_cloud()
     goal = stage.goal()

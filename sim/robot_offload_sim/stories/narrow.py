@@ -12,7 +12,7 @@ from robot_offload_sim.stories.stage import Stage
 
 
 class Narrow:
-    """Lets the robot's data session take so many messages of inputs a second, evenly, and refuse the others."""
+    """Lets the robot's data session take a number of input messages a second, evenly, and refuse the others."""
 
     def __init__(self, stage: Stage, carries: float) -> None:
         self.stage, self.carries = stage, carries

@@ -154,7 +154,7 @@ def shorter_limits() -> None:
 
 
 def change_of_mind() -> None:
-    """Somebody asks for the robot while its nodes still go to sleep: no gap."""
+    """A person asks for the robot while its nodes still go to sleep: no gap."""
     stage = Stage(nodes=(CONTROLLER,))
     stage.in_cloud()
     stage.by_hand(Site.ROBOT)

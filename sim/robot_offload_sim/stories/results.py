@@ -33,7 +33,7 @@ def _flow(stage: Stage, for_s: float, what: str) -> None:
 
 
 def _stated(stage: Stage) -> Reason | None:
-    """Return the reason of the newest statement on the detector."""
+    """Return the reason in the newest statement on the detector."""
     if not stage.seen.statements:
         raise StoryError("nothing was stated of the detector")
     return stage.seen.statements[-1][1].reason
@@ -95,7 +95,7 @@ def results_of_a_restarted_agent() -> None:
 
 
 def results_of_a_robot_that_stopped_vouching() -> None:
-    """A robot whose control is stopped grants presence to nobody: what left the cloud later reaches nobody."""
+    """A robot whose control is stopped grants presence to no cloud: what left the cloud later reaches no consumer."""
     stage = _stage(max_age_s=10.0)
     stage.in_cloud()
     stage.pin(Site.ROBOT)
@@ -134,7 +134,7 @@ def results_of_two_robots_lives() -> None:
 
 
 def results_after_old_grants() -> None:
-    """Grant that waited in a buffer let no result leave."""
+    """Grants that waited in a buffer let no result leave."""
     stage = _stage()
     stage.in_cloud()
     for number in range(6):
@@ -146,7 +146,7 @@ def results_after_old_grants() -> None:
 
 
 def results_of_a_dead_node() -> None:
-    """A detector that died or hangs is stated, nobody switches for it, and nobody stops the wheels."""
+    """A detector that died or hangs is stated; it causes no switch, and does not stop the wheels."""
     stage = _stage()
     stage.in_cloud()
     epoch = stage.machine.epoch

@@ -19,7 +19,7 @@ POSES = OutputSpec("poses", 0.0, shared=True, nodes=("localizer",))
 
 
 class Others:
-    """Somebody outside the group who says something on the shared topic of the robot, for ever."""
+    """A publisher outside the group that publishes on the robot's shared topic without end."""
 
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
@@ -79,7 +79,7 @@ def shared_topic_through_changeovers() -> None:
 
 
 def shared_topic_without_a_link() -> None:
-    """Through a cut the robot's replica hears others without a gap, and after it the cloud's hears none twice."""
+    """Through a cut the robot's replica hears others without a gap; after it the cloud's hears no message twice."""
     stage = _stage()
     stage.in_cloud()
     others = Others(stage)

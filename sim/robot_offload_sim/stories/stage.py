@@ -31,7 +31,7 @@ WHEELS = NodeSpec("wheels", duplicated=False, core=True)
 CONTROLLER = NodeSpec("controller", core=True)
 ARM = NodeSpec("arm", core=True)
 STRANGER = "ee" * 16
-"""The incarnation of an agent that is none of the two."""
+"""The incarnation of an agent other than the two."""
 PLANNER = NodeSpec("planner")
 
 
@@ -224,7 +224,7 @@ class Stage:
     # -- what happens -------------------------------------------------------------------------------------------------
 
     def cut(self, way: str = "both", sessions: str = "both") -> Callable[[], None]:
-        """Cut the link (one direction or both, of pulse, data or both); return what joins it again."""
+        """Cut the link (one direction or both, of pulse, data or both); return the function that restores it."""
         chosen = {"both": (self.link.pulse, self.link.data), "pulse": (self.link.pulse,), "data": (self.link.data,)}
         wires = [w for s in chosen[sessions] for w in ((s.up, s.down) if way == "both" else (getattr(s, way),))]
         for wire in wires:
@@ -246,7 +246,7 @@ class Stage:
         return (key, accepted) in [(k, ok) for k, ok, _ in self.seen.answers]
 
     def pin(self, site: Site | None, for_s: float | None = None) -> None:
-        """Pins placement on the robot, or takes the pin back."""
+        """Pin placement on the robot, or remove the pin."""
         until_s = None if for_s is None else self.robot.host.now_s() + for_s
         self.robot.control.step(placement.SetPin(None if site is None else Wish(site, until_s)))
 
@@ -273,7 +273,7 @@ class Stage:
         slice_()
 
     def hush(self, side: str, node: str = "controller") -> None:
-        """Let a node stay Active and publish nothing any more."""
+        """Let a node stay Active but stop publishing."""
         getattr(self, side).nodes[node].hung += 1
 
     # -- judging ------------------------------------------------------------------------------------------------------

@@ -121,12 +121,12 @@ def _plain(payload: Any) -> str:
 
 
 def _listen(wire: Any, hear: Any) -> None:
-    """Let `hear` have all that goes through a wire."""
+    """Call `hear` with everything that goes through a wire."""
     _translate(wire, lambda *args: (hear(*args), args)[1])
 
 
 def _translate(wire: Any, say: Any) -> None:
-    """Let a wire carry what `say` makes of what is sent; None: nothing."""
+    """Let a wire carry the result of `say` for what is sent; None: nothing."""
     carry = wire.carry
 
     def carried(*args: Any, **how: Any) -> None:

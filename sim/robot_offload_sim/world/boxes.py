@@ -1,4 +1,4 @@
-"""Black boxes in virtual time: what they keep must lead the same core to the same decisions, bit for bit."""
+"""Black boxes in virtual time: their content must lead the same core to the same decisions, bit for bit."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class MemoryBox:
     """A box whose lines stay in memory; see `events.Witness`.
 
     Args:
-        process: who writes.
+        process: the process that writes.
         clock_s: true time.
-        window_s: from when to when (true time) the box keeps steps; the state after the last one of a machine is
-            written, too.
+        window_s: start and end (true time) of the steps that the box keeps; the state after the last step of a machine
+            is written too.
     """
 
     def __init__(self, process: str, clock_s: Callable[[], float], window_s: tuple[float, float] = WHOLE) -> None:
@@ -33,7 +33,7 @@ class MemoryBox:
         self._closed: set[Machine] = set()
 
     def stepped(self, machine: Machine, now_s: float, event: Any, after: Any, commands: Any) -> None:
-        """Write a step, and a state now and then."""
+        """Write a step, and occasionally a state."""
         if self.clock_s() < self.window_s[0] or machine in self._closed:
             return
         if machine not in self._framed_s:
@@ -47,7 +47,7 @@ class MemoryBox:
             self._closed.add(machine)
 
     def restated(self, machine: Machine, now_s: float, state: Any) -> None:
-        """Write a state that no step has led to."""
+        """Write a state that did not follow from a step."""
         if self.window_s[0] <= self.clock_s() and machine not in self._closed:
             self._frame(machine, now_s, state, was_set=True)
 
@@ -78,10 +78,10 @@ class Boxes:
         process.watched_by(self.boxes[-1])
 
     def judge(self, now_s: float) -> int:
-        """Replay all boxes; return how many steps that were.
+        """Replay all boxes; return the number of steps.
 
         Raises:
-            ViolationError: a replay does not come to what was decided.
+            ViolationError: a replay does not give the recorded decisions.
         """
         steps = 0
         for box in self.boxes:

@@ -1,9 +1,9 @@
-"""Which (state x event) pairs a run has been through.
+"""The (state x event) pairs that a run has met.
 
-A pair is (machine, state before the event, class of the event). The classes split the events of the three machines by
-what the protocol distinguishes, judged from the input alone, outside the machines' own branches. Where a class gathers
-several causes ("beat: not good"), each cause must also be met once in some state: the pairs with the state ANY.
-`expected` is every pair but those of UNREACHABLE, each of which is listed with the reason why it cannot occur.
+A pair is (machine, state before the event, class of the event). The classes divide the events of the three machines by
+what the protocol distinguishes, judged from the input alone, outside the machines' own branches. If a class has several
+causes ("beat: not good"), each cause must also be met once in some state: the pairs with the state ANY. `expected` is
+every pair except those of UNREACHABLE, each of which is listed with the reason why it cannot occur.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class Coverage:
         self.pairs: dict[Pair, int] = {}
 
     def met(self, machine: str, state: str, event: str, cause: str = "") -> None:
-        """Count one more of this pair; `cause` is what the class of the event gathers."""
+        """Count one more of this pair; `cause` is the event's cause within its class."""
         pairs = self.pairs
         pair = (machine, state, event)
         pairs[pair] = pairs.get(pair, 0) + 1
@@ -156,7 +156,7 @@ class Coverage:
         self.collector(collector, "gate: " + _gate_event(collector, gate))
 
     def passage(self, site: Site, reason: Ruling) -> None:
-        """Count what came of an offer, where that is a cause of its own."""
+        """Count the outcome of an offer, if that is a cause of its own."""
         cause = {Ruling.CHANGED_OVER: f"changed over to the {site.value}", Ruling.NOT_ALL_READY: "not all ready",
                  Ruling.BEFORE_RESTART: "before restart"}.get(reason)  # fmt: skip
         if cause:
@@ -168,12 +168,12 @@ class Coverage:
 
 
 def cloud_state(cloud: lease.Cloud) -> str:
-    """Return the cloud's state as it reports it; alone when it hears no robot."""
+    """Return the cloud's state as it reports it; alone when it receives no robot."""
     return "Alone" if not cloud.robot and cloud.reported is lease.Stand.ASLEEP else cloud.reported.value
 
 
 def collector_state(collector: Collector) -> str:
-    """Return who passes, who may follow."""
+    """Return which side passes, and which may follow."""
     charge = collector.charge
     if charge is None:
         return "empty"

@@ -1,4 +1,4 @@
-"""The wheels: a dead man of their own, and the inhibit service on top of it."""
+"""The wheels: their own dead-man time-out, and the inhibit service on top of it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ class Driver(Process):
     """The driver of the wheels.
 
     Attributes:
-        inhibited: as last asked; a restart forgets it.
+        inhibited: as last requested; a restart forgets it.
         command_s: true time of the last command.
-        released_s: of the last release.
-        slow_s: added to each service call by faults.
+        released_s: true time of the last release.
+        slow_s: delay that faults add to each service call.
     """
 
     def __init__(self, world: World, host: Host) -> None:
@@ -26,7 +26,7 @@ class Driver(Process):
         self.slow_s = 0.0
 
     def boot(self) -> None:
-        """Start as a new process that has heard nothing: the dead man holds it until the first command."""
+        """Start as a new process without a command: the dead man holds it until the first one."""
         self.inhibited = False
         self.command_s = -1.0
 
@@ -36,7 +36,7 @@ class Driver(Process):
             self.command_s = self.world.now
 
     def may_move(self) -> bool:
-        """Return neither inhibited nor held by the dead man."""
+        """Return whether it is neither inhibited nor held by the dead man."""
         return self.alive and not self.inhibited and self.world.now - self.command_s <= DEAD_MAN_S
 
     def inhibit(self, value: bool, client: Process, answered: Act) -> None:

@@ -1,4 +1,4 @@
-"""What a process can know of what has reached another one."""
+"""What a process can know about arrivals at another process."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections import deque
 
 
 class Known:
-    """Times of what came, of which a process hears up to `late_s` later.
+    """Times of arrivals, of which another process learns up to `late_s` later.
 
     Several may come within that time (a burst after a cut), so one time before the newest is not enough.
 
     Args:
-        late_s: the longest way between the two processes.
+        late_s: the longest delay between the two processes.
     """
 
     def __init__(self, late_s: float) -> None:
@@ -25,5 +25,5 @@ class Known:
         self._came_s.append(now_s)
 
     def newest_s(self, now_s: float) -> float:
-        """Return when the newest came that the process must know by now; 0: none."""
+        """Return the time of the newest arrival that the process must know by now; 0: none."""
         return max((came_s for came_s in self._came_s if now_s - came_s > self.late_s), default=0.0)

@@ -1,9 +1,9 @@
 """The link between the two hosts: two sessions (pulse, data), each with a wire up and a wire down.
 
-A wire delays, jitters, loses, doubles, reorders, and can be cut in one direction alone; what is sent into a cut is
-lost or held and delivered late in a burst, whichever the fault says. The pulse wires carry datagrams; the data wires
-keep the order and turn a loss into the delay of a retransmission, unless a fault reorders them or the message is a
-datagram (probes).
+A wire delays, jitters, loses, doubles and reorders, and can be cut in one direction alone. A fault determines whether
+messages sent into a cut are lost, or held and delivered late in a burst. The pulse wires carry datagrams. The data
+wires keep the order and turn a loss into the delay of a retransmission, unless a fault reorders them or the message is
+a datagram (probes).
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ from typing import Any
 from robot_offload_sim.world.world import Act, Process, World
 
 HELD_LIMIT = 400
-"""Messages that a cut path buffers at most."""
+"""Most messages that a cut path buffers."""
 BURST_GAP_S = 0.0003
 RETRY_S = 0.2
 REPLAY_SPREAD_S = 3.0
-"""A doubled message comes again after up to this long, mostly soon."""
+"""A doubled message arrives again after at most this time, mostly soon."""
 
 STRANGE_S = 0.02
-"""What arrives beside a message arrives within this, before it or after it."""
+"""Strange messages arrive at most this long before or after the message that they accompany."""
 
 
 class Wire:
     """One direction of one session.
 
     Attributes:
-        base_s, jitter_s: least delay, and the typical random part on top.
+        base_s, jitter_s: least delay, and the typical random part added to it.
         extra_s: delay added by faults.
-        losses: shares of the loss faults at work.
+        losses: shares of the active loss faults.
         doubled: share of messages that arrive twice.
         reordering: faults that let messages overtake.
-        cut_lost, cut_held: how many cuts are at work that lose or hold.
-        beside: yields what somebody else's message beside this one is; None: nobody else sends.
-        target: the process at the other end, and what it does with an arrival.
+        cut_lost, cut_held: how many active cuts lose or hold messages.
+        beside: yields another sender's messages beside this one; None: there is no other sender.
+        target: the process at the other end, and its handler of an arrival.
     """
 
     target: tuple[Process, Act]
@@ -57,7 +57,7 @@ class Wire:
         self._tail_s = 0.0
 
     def carry(self, *args: Any, datagram: bool = False) -> None:
-        """Send: the target gets `args`, later, perhaps; a datagram has no order and is not sent again when lost."""
+        """Send: `args` may reach the target later; a datagram has no order and is not sent again when lost."""
         ordered = self.ordered and not datagram
         if not self.session.connected or self.cut_lost:
             return
@@ -117,9 +117,9 @@ class Session:
     """A session over a wire each way.
 
     Attributes:
-        life: what was sent in an earlier life never arrives.
-        connected: messages can be sent.
-        drops: reopening discards what is under way (a QUIC session does, a DDS transport has nothing to reopen).
+        life: messages of an earlier life never arrive.
+        connected: whether messages can be sent.
+        drops: whether reopening discards messages under way (QUIC does; a DDS transport has nothing to reopen).
     """
 
     def __init__(self, world: World, base_s: float, jitter_s: float, *, ordered: bool, drops: bool) -> None:
@@ -131,7 +131,7 @@ class Session:
         self.down = Wire(world, self, base_s, jitter_s, ordered)
 
     def reopen(self) -> None:
-        """Close the session with everything buffered in it and open a new one as soon as the path allows."""
+        """Close the session, dropping everything in its buffer, and open a new one as soon as the path allows."""
         if not self.drops or not self.connected:
             return
         self.life += 1

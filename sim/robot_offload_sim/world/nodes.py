@@ -1,4 +1,4 @@
-"""Lifecycle nodes of the user: timers that run freely, nothing published inside a transition, all that can go wrong.
+"""Lifecycle nodes of the user: free-running timers, no publishing inside a transition, and everything that can fail.
 
 A transition may be slow, be refused, or succeed although its reply is lost; a node may hang (Active but silent) or
 crash and come back Unconfigured as a new process.
@@ -30,8 +30,8 @@ class Message(NamedTuple):
 
     Attributes:
         producer: the node.
-        life: the count of its starts, sequences of two lives are not comparable.
-        sequence: grows by one with each message of that life.
+        life: number of its starts; sequences of different lives are not comparable.
+        sequence: increases by one with each message of that life.
         born_s: true time of publishing.
         size: bytes.
     """
@@ -53,14 +53,14 @@ class Node(Process):
     Attributes:
         spec: as the guardian knows it.
         state: primary state.
-        awake: its first process is Active already: somebody started it before the agent.
+        awake: whether its first process is Active already, because it was started before the agent.
         transition_s: longest normal transition.
-        slow_s: added to each by faults.
-        refusing, mute, hung: how many faults of that kind are at work.
-        activations: grows with every change of state.
+        slow_s: delay that faults add to each transition.
+        refusing, mute, hung: number of active faults of that kind.
+        activations: increases with every change of state.
         active_s: when it last became Active, true time.
-        occupied: says whether there is something to publish for; None: always.
-        woken: happens as the node becomes Active, as its `on_activate` does; None: nothing.
+        occupied: returns whether there is a reason to publish; None: always.
+        woken: called as the node becomes Active, like its `on_activate`; None: nothing.
     """
 
     def __init__(self, world: World, host: Host, spec: NodeSpec, replica: Replica, sink: Sink) -> None:
@@ -83,7 +83,7 @@ class Node(Process):
         self._busy_until_s = 0.0
 
     def boot(self) -> None:
-        """Start a new process: Unconfigured, its timer runs from now on in every state, or from activation on."""
+        """Start a new process, Unconfigured; its timer runs from now on in every state, or from activation on."""
         awake = (self.awake and self.life == 1) or not self.spec.lifecycle
         self.state = State.ACTIVE if awake else State.UNCONFIGURED
         self._sequence = 0
@@ -130,7 +130,7 @@ class Node(Process):
     def _finish(self, life: int, transition: Transition, client: Process, answered: Act) -> None:
         if life != self.life:
             return
-        if self.stops:  # the callback ends when the process goes on
+        if self.stops:  # the callback ends when the process continues
             self.deliver(self._finish, life, transition, client, answered)
             return
         legal = self.state is FROM[transition] and not self.refusing

@@ -1,7 +1,7 @@
-"""What a side of the simulated world may see and do: its surroundings, and the witness of what it does.
+"""What a side of the simulated world may see and do: its surroundings, and the witness of its actions.
 
-The sides know nothing of faults, of the observer and of each other: what they send goes into a wire or to a process of
-the same host, what they do is shown to a `Witness`. Faults and the observer stand above them and see everything.
+The sides do not know faults, the observer or each other: what they send goes into a wire or to a process of the same
+host, and what they do is shown to a `Witness`. Faults and the observer are above them and see everything.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from robot_offload_sim.world.scenario import Scenario
 from robot_offload_sim.world.world import World
 
 decoded = lru_cache(maxsize=512)(decode)
-"""Reads a header: the same few are looked at by the egress, the collector and the observer."""
+"""Decodes a header, with a cache: egress, collector and observer read the same few."""
 
 
 class Sensed(bytes):
     """A message of an input.
 
     Attributes:
-        since_s: true time from which its age counts: it was published, see `Since` for what the robot cannot know.
+        since_s: true time from which its age counts: when it was published, or as in `Since` if unknown to the robot.
     """
 
     since_s: float = 0.0
 
 
 class Payload(NamedTuple):
-    """What stands for the bytes of an output's message.
+    """A stand-in for the bytes of an output's message.
 
     Attributes:
-        site: of the replica.
-        message: what it published.
-        header: of the envelope under which it left the cloud; b"" for the robot's.
-        left_s: true time from which its age counts: it left its replica, see `Since` for what the cloud cannot know.
+        site: side of the replica.
+        message: the message that it published.
+        header: header of the envelope under which it left the cloud; b"" for the robot's.
+        left_s: true time from which its age counts: when it left its replica, or as in `Since` if unknown to the cloud.
     """
 
     site: Site
@@ -57,12 +57,12 @@ class Payload(NamedTuple):
     left_s: float
 
     def __radd__(self, before: bytes) -> bytes:
-        """Stand for its bytes where a latched one is hashed."""
+        """Stand in for its bytes where a latched one is hashed."""
         return before + repr(self.message).encode()
 
 
 class Witness(Protocol):
-    """Who watches the sides; see the observer for what each is judged by."""
+    """Receives what the sides do; the observer documents how each call is judged."""
 
     def robot_started(self, incarnation: str) -> None:
         """Note that the robot's control process has started."""
@@ -110,10 +110,10 @@ class Witness(Protocol):
         """Note that a message reached the consumer of an output in the cloud."""
 
     def filled(self, side: Site, index: int, payload: Payload) -> None:
-        """Note that a replica of a shared output got on its private topic what it would hear on the public one."""
+        """Note that a replica of a shared output got on its private topic what it would receive on the public one."""
 
     def input_heard(self, name: str, age_s: float) -> None:
-        """Note that a message of an input reached the cloud's replicas, so long after it was published (true time)."""
+        """Note that a message of an input reached the cloud's replicas; `age_s` since its publication (true time)."""
 
     def available(self, statements: tuple[Available, ...]) -> None:
         """Note that the robot's control states which nodes with placement Cloud have results that arrive."""

@@ -1,4 +1,4 @@
-"""What a stretch of simulated time looks like: settings, nodes, outputs and a link, drawn from the seed."""
+"""The setup of a stretch of simulated time: settings, nodes, outputs and a link, drawn from the seed."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Replica:
 
     Attributes:
         output: index of its output; None: it publishes nothing.
-        period_s: of its timer.
-        on_activate: the timer is made at activation, so the first message comes a period later.
+        period_s: period of its timer.
+        on_activate: whether the timer is made at activation, so that the first message comes a period later.
         size: bytes of a message.
     """
 
@@ -39,25 +39,25 @@ class Scenario:
 
     Attributes:
         settings: valid (checked) settings of the switch, on the robot.
-        cloud_settings: as the cloud was told.
+        cloud_settings: settings that the cloud was given.
         outputs: collected outputs; output 0 drives the wheels.
-        mirrored: those with consumers in the cloud.
+        mirrored: outputs with consumers in the cloud.
         inputs: topics to the cloud.
-        input_periods_s: of each, on the robot.
+        input_periods_s: period of each, on the robot.
         robot_nodes, cloud_nodes: managed nodes of each side, in bring-up order.
         replicas, cloud_replicas: what each node publishes.
         inbox: datagrams that wait for a stopped process (10 by default on many kernels, 512 with systemd).
-        awake: the robot's nodes run already when its agent starts.
+        awake: whether the robot's nodes run already when its agent starts.
         late_s: how much later than the other processes of its side each control starts.
         transition_s: longest normal lifecycle transition.
         tick_s, report_s: how often control ticks, and how often the collector looks for news.
         delay_s, jitter_s: one way.
         relay: services and actions that are served; None: there are no relays.
-        drops: reopening a session discards what is under way in it.
-        strict: a second publisher stops the wheels.
-        asked: settings that people ask for at run time.
-        worlds: what this stretch has besides, see worlds.py.
-        best_effort: outputs, by index, of which nothing lost is sent again.
+        drops: whether reopening a session discards messages under way.
+        strict: whether a second publisher stops the wheels.
+        asked: settings that people request at run time.
+        worlds: additional worlds of this stretch, see worlds.py.
+        best_effort: outputs, by index, whose lost messages are not sent again.
         states: state of nodes that the standby is to know, by name.
         state_period_s: how often it is published.
         cloud_inputs: the inputs as the cloud's configuration lists them; (): as the robot's.
@@ -99,7 +99,7 @@ class Scenario:
 
     @cached_property
     def publishers(self) -> tuple[str, ...]:
-        """Return the node of each output; "" where nobody publishes it."""
+        """Return the node of each output; "" for an output without a publisher."""
         names = {replica.output: name for name, replica in self.replicas.items()}
         return tuple(names.get(i, "") for i in range(len(self.outputs)))
 
@@ -112,19 +112,19 @@ class Scenario:
         return DataPlan(self.inputs, outputs)
 
     def shape(self, site: Site) -> str:
-        """Return the digest of what is numbered by its place in a side's configuration."""
+        """Return the digest of everything numbered by its position in a side's configuration."""
         plan = self.cloud_plan if site is Site.CLOUD else self.data_plan
         required = ((i.name, i.name) for i in plan.inputs if i.max_age_ms > 0)
         return shape.shape(required, ((o.name, o.name) for o in plan.outputs))
 
     @cached_property
     def cloud_plan(self) -> DataPlan:
-        """Return what the cloud's data process needs; its inputs stand in another order where the story says so."""
+        """Return what the cloud's data process needs; a story may give its inputs another order."""
         return replace(self.data_plan, inputs=self.cloud_inputs or self.inputs)
 
     @property
     def reaction_s(self) -> float:
-        """From a deadline that passed to the command that follows: a report, a tick, hand-overs."""
+        """Time from a passed deadline to the resulting command: a report, a tick, hand-overs."""
         return self.tick_s + self.report_s + 0.010
 
 

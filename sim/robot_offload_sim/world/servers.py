@@ -1,7 +1,7 @@
 """The user's servers of one side: actions and services of lifecycle nodes, with what makes them hard to hand over.
 
-An action server takes each goal id once. As Nav2's do, an Inactive one rejects, a deactivated one aborts what runs, one
-with a single goal aborts the older one when it takes another.
+An action server takes each goal id once. As in Nav2, an Inactive server rejects goals, a deactivated one aborts running
+goals, and one with a single goal aborts the older goal when it takes another.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Done = Callable[..., None]
 
 
 def goal_words(number: int) -> bytes:
-    """Return a SendGoal request of a client's goal; its number stands behind the id, where nobody looks."""
+    """Return a SendGoal request of a client's goal; its number is after the id, where it is not read."""
     return bytes(4) + number.to_bytes(16, "big") + number.to_bytes(8, "big")
 
 
 def number_of(payload: bytes) -> int:
-    """Return the number of the client's goal in a request, whatever its id has become."""
+    """Return the number of the client's goal in a request, even if the id was changed."""
     return int.from_bytes(payload[GOAL_ID.stop :][:8], "big")
 
 
@@ -39,10 +39,10 @@ class Traits:
 
     Attributes:
         takes_s: how long a goal is executed; inf: until it is cancelled.
-        accept_s: before it answers an offer.
-        single: takes one goal at a time.
-        rejects, deaf, mute: faults at work of refusing goals, ignoring cancels, answering no call and no offer.
-        ends: what a goal ends with.
+        accept_s: delay before it answers an offer.
+        single: whether it takes one goal at a time.
+        rejects, deaf, mute: active faults that refuse goals, ignore cancels, leave calls and offers unanswered.
+        ends: status with which a goal ends.
         call_s: how long a call is executed.
     """
 
@@ -58,7 +58,7 @@ class Traits:
 
 @dataclass
 class Execution:
-    """A goal at a server. `asked`: true time at which its end was asked for."""
+    """A goal at a server. `asked`: true time at which its end was requested."""
 
     attempt: bytes
     number: int
@@ -75,10 +75,10 @@ class Servers:
 
     Attributes:
         nodes: resource name -> node.
-        of: name of a server -> its node's.
-        executions: by attempt, of the present life of their node.
+        of: name of a server -> name of its node.
+        executions: by attempt, within the present life of their node.
         called: (service, payload, true time) of each call.
-        began: of each attempt ever accepted, in order.
+        began: each attempt ever accepted, in order.
     """
 
     def __init__(self, world: World, site: Site, nodes: dict[str, Node], of: dict[str, str]) -> None:
@@ -96,11 +96,11 @@ class Servers:
         self.heard_call: Callable[[str, bytes], None] = lambda _service, _payload: None
 
     def start(self) -> None:
-        """Begin to look after what is executed."""
+        """Begin to advance what is executed."""
         self.world.after(LOOK_S, self._look)
 
     def seen(self) -> list[tuple[Face, str, str]]:
-        """Return the servers in the graph of this side; those of a node that was started again are others."""
+        """Return the servers in the graph of this side; those of a restarted node differ from the earlier ones."""
         alive = [(name, self.nodes[node]) for name, node in self.of.items() if self.nodes[node].alive]
         return [(Face.GROUP, name, str(node.life)) for name, node in alive]
 
@@ -160,7 +160,7 @@ class Servers:
             self.world.after(LOOK_S, self._end, execution, GoalStatus.CANCELED)
 
     def ask_result(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
-        """Serve get_result: `done(status, payload)` at the client when the goal has ended; 0: not known."""
+        """Serve get_result: `done(status, payload)` at the client when the goal has ended; status 0: not known."""
         self._node(action).post("result", self._asked, client, action, attempt, done)
 
     def _asked(self, client: Process, action: str, attempt: bytes, done: Done) -> None:
@@ -209,7 +209,7 @@ class Servers:
         return self.nodes[self.of[name]]
 
     def _forget(self, action: str) -> None:
-        """Forget everything, as a node that was started again."""
+        """Forget everything, like a restarted node."""
         node = self.of[action]
         life = self.nodes[node].life
         if self.lives.get(node, life) != life or not self.nodes[node].alive:
@@ -217,7 +217,7 @@ class Servers:
         self.lives[node] = life
 
     def _look(self) -> None:
-        """Let time pass for what is executed: feedback, end, abort of deactivated nodes."""
+        """Let time pass for executions: feedback, end, abort at deactivated nodes."""
         self.world.after(LOOK_S, self._look)
         for action in self.of:
             self._forget(action)
@@ -239,7 +239,7 @@ class Servers:
     # -- services -----------------------------------------------------------------------------------------------------
 
     def call(self, client: Process, service: str, payload: bytes, done: Done) -> None:
-        """Serve a call: `done(payload)` at the client. An Inactive node answers too, and changes nothing."""
+        """Serve a call: `done(payload)` at the client. An Inactive node answers too, but changes nothing."""
         self._node(service).post("call", self._later, ANSWER_S, self._execute, client, service, payload, done)
 
     def _execute(self, client: Process, service: str, payload: bytes, done: Done) -> None:

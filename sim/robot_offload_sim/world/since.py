@@ -1,4 +1,4 @@
-"""What the observer excuses of a message's age: what nobody could know who compares no clocks of two hosts."""
+"""The part of a message's age that the observer excuses: unknowable without comparing two hosts' clocks."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from robot_offload_sim.world.world import IPC_LEAST_S, IPC_SPREAD_S, Host
 
 
 class Since:
-    """Since when the age of messages of a topic can be counted, whatever they waited for the data process."""
+    """The time from which the age of a topic's messages can be counted, including any wait for the data process."""
 
     def __init__(self) -> None:
         self.unwaited_s = self.set_back_s = -1e9
         self.wall_us = -math.inf
 
     def counts_s(self, host: Host, born_s: float) -> float:
-        """Return a true time: `born_s`, that of publishing.
+        """Return a true time: `born_s`, that of publishing, if it can be known.
 
-        Or now, where no message came without waiting of late or the system clock was set back: what it took until here
-        cannot be known.
+        Otherwise return now: no message came without waiting recently, or the system clock was set back, so the
+        delay so far cannot be known.
         """
         now = host.world.now
         if host.wall_us < self.wall_us:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class ViolationError(Exception):
-    """An invariant is broken; ends the stretch."""
+    """An invariant is broken; this ends the stretch."""
 
     def __init__(self, invariant: str, text: str, at_s: float) -> None:
         super().__init__(f"invariant {invariant}: {text}")

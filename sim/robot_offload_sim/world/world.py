@@ -1,8 +1,8 @@
 """Virtual time: one heap of events, one seed, two hosts with clocks of their own, and processes that can be stopped.
 
-Nothing here knows the protocol. A run is a pure function of its seed: no real clock, no threads, no iteration over
-sets. True time is seconds since the start of the run; only the observer and the models of wires and wheels may read
-it. The shells read the steady clock of their host, which starts elsewhere and runs up to 200 ppm fast or slow.
+This module does not know the protocol. A run is a pure function of its seed: no real clock, no threads, no iteration
+over sets. True time is seconds since the start of the run; only the observer and the models of wires and wheels may
+read it. The shells read the steady clock of their host, which has another origin and runs up to 200 ppm fast or slow.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from heapq import heappop, heappush
 from typing import Any
 
 TRACE_LENGTH = 400
-"""Notes kept for the story told before a violation."""
+"""Notes kept for the report of a violation."""
 IPC_LEAST_S = 0.00005
 IPC_SPREAD_S = 0.00195
 """Hand-over between two processes of a host: 0.05 to 2 ms, mostly short."""
 REPLIES_KEPT = 10
-"""Answers that wait for a stopped process, of each service: the history of the middleware, keep last 10."""
+"""Answers per service that wait for a stopped process: the middleware's history, keep last 10."""
 SOCKET_BYTES = 212_992
-"""What one sender may have waiting in the socket of another process: the default of the kernel."""
+"""Bytes that one sender may have waiting in another process's socket: the kernel's default."""
 ROW_S = 0.5
-"""A process whose stops end less than this apart is starved: they are one row."""
+"""A process whose stops end less than this apart is starved; these stops form one row."""
 LONG_S = 0.2
-"""A stop longer than this is one of its own: what it held up is excused anew."""
+"""A stop longer than this counts separately: the delays that it caused are excused anew."""
 
 Act = Callable[..., Any]
 
@@ -35,9 +35,9 @@ class World:
 
     Attributes:
         now: true time, seconds.
-        dice: the one source of chance.
-        inbox_limit: datagrams that wait for a stopped process; the kernel refuses further ones, so the *oldest* are
-            what it finds when it goes on.
+        dice: the only source of randomness.
+        inbox_limit: datagrams that wait for a stopped process; the kernel refuses further ones, so the process finds
+            the *oldest* when it continues.
         size_of: bytes of the words of a datagram.
         trace: the latest notes (time, words), for the story before a violation.
     """
@@ -63,7 +63,7 @@ class World:
         heappush(self._heap, (self.now + delay_s, self._count, act, args))
 
     def note(self, *words: object) -> None:
-        """Keep words for the story; they are put into text only when the story is told."""
+        """Keep words for the story; they become text only when the story is requested."""
         self.trace.append((self.now, words))
 
     def story(self, length: int) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class World:
         return tuple(f"{time_s:9.4f}  " + " ".join(str(word) for word in words) for time_s, words in notes)
 
     def run(self, until_s: float) -> None:
-        """Live up to `until_s`."""
+        """Run up to `until_s`."""
         heap = self._heap
         events = 0
         while heap and heap[0][0] <= until_s:
@@ -89,8 +89,8 @@ class Host:
     Attributes:
         offset_s, rate: of the steady clock against true time.
         wall_us: system clock minus steady clock, microseconds.
-        frozen: the whole host stands still (a paused virtual machine whose steady clock goes on).
-        stands: when its steady clock stood still with the host, (start, end) in true time.
+        frozen: whether the whole host stands still (a paused virtual machine whose steady clock goes on).
+        stands: (start, end) in true time of each standstill of the host with its steady clock.
     """
 
     def __init__(self, world: World, name: str) -> None:
@@ -119,7 +119,7 @@ class Host:
             process.stop()
 
     def stand(self, duration_s: float) -> None:
-        """Stop every process, and the steady clock with them; the system clock is right again at the end."""
+        """Stop every process and the steady clock; the system clock is right again at the end."""
         if self.frozen:
             return
         self.freeze()
@@ -146,18 +146,18 @@ class Host:
 class Process:
     """A process under a supervisor: it can be killed (and comes back), stopped and continued.
 
-    What arrives while it is stopped waits in its inbox, up to the world's limit; timers that became due meanwhile fire
-    once after the inbox was read, as the shells do it.
+    Messages that arrive while it is stopped wait in its inbox, up to the world's limit; timers that became due
+    meanwhile fire once after the inbox was read, as in the shells.
 
     Attributes:
-        alive: it runs (or is stopped); dead while the supervisor restarts it.
-        stops: how many reasons keep it stopped.
-        life: grows with each start; what an earlier life planned is void.
+        alive: whether it runs (or is stopped); False while the supervisor restarts it.
+        stops: number of reasons that keep it stopped.
+        life: increases with each start; actions planned by an earlier life are void.
         running_since_s: true time of the last start or continuation.
         row: stops so far with less than ROW_S between their ends.
         row_s: true time at which the first of them ended, or the last long one.
-        stood_s: how long the last stop took.
-        blink_s: a shorter stop may escape the process itself: it belongs to a row and does not prolong it.
+        stood_s: how long the last stop lasted.
+        blink_s: the process may not notice a shorter stop, which belongs to a row but does not prolong it.
     """
 
     def __init__(self, world: World, host: Host, name: str) -> None:
@@ -183,15 +183,15 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """It is alive and not stopped."""
+        """Return whether it is alive and not stopped."""
         return self.alive and not self.stops
 
     def starved(self) -> bool:
-        """Return whether it is, or was last, stopped in slices: again soon after a stop."""
+        """Return whether it is, or was last, stopped in slices, that is, again soon after a stop."""
         return self.row > 1 or (self.stops > 0 and self.row > 0 and self._stopped_s - self.running_since_s < ROW_S)
 
     def boot(self) -> None:
-        """Set the first state and the timers; called at each start. Subclasses say what that is."""
+        """Set the first state and the timers, as subclasses define them; called at each start."""
         raise NotImplementedError
 
     def start(self) -> None:
@@ -211,7 +211,7 @@ class Process:
             self.boot()
 
     def kill(self, restart_after_s: float) -> None:
-        """Kill it (SIGKILL); the supervisor starts it again."""
+        """Kill it (SIGKILL); the supervisor restarts it."""
         if not self.alive:
             return
         self.world.note("killed", self.name)
@@ -222,7 +222,7 @@ class Process:
         self.world.after(restart_after_s, self.start)
 
     def stop(self) -> None:
-        """Stop it (SIGSTOP; they add up)."""
+        """Stop it (SIGSTOP; stops add up)."""
         if not self.alive:
             return
         self.stops += 1
@@ -230,7 +230,7 @@ class Process:
             self._stopped_s = self.world.now
 
     def resume(self) -> None:
-        """Continue it (SIGCONT): first what has arrived is read, then what is due is done."""
+        """Continue it (SIGCONT): arrivals are read first, then due actions run."""
         if not self.alive or not self.stops:
             return
         self.stops -= 1
@@ -266,7 +266,7 @@ class Process:
             self.resume()
 
     def every(self, period_s: float, act: Act, first_s: float | None = None) -> None:
-        """Start a timer of this life, `first_s` from now, at a random phase when not given."""
+        """Start a timer of this life, `first_s` from now, or at a random phase."""
         delay_s = self.world.dice.random() * period_s if first_s is None else first_s
         self.world.after(delay_s, self._fire, self.life, period_s, act)
 
@@ -301,7 +301,7 @@ class Process:
         self.world.at(self._arrival_s(sender), self._take_in, sender, act, args)
 
     def reply(self, sender: str, service: str, act: Act, *args: Any) -> None:
-        """Hand over a server's answer; while the process is stopped the middleware keeps some of each service."""
+        """Hand over a server's answer; while the process is stopped, the middleware keeps some per service."""
         self.world.at(self._arrival_s(sender), self._take_reply, service, act, args)
 
     def _arrival_s(self, sender: str) -> float:
@@ -323,7 +323,7 @@ class Process:
             self._inbox.append((act, args))
 
     def _take_in(self, sender: str, act: Act, args: tuple[Any, ...]) -> None:
-        """Take it as `deliver` does; what one sender may have waiting is limited in bytes too."""
+        """Take it as `deliver` does; the bytes that one sender may have waiting are limited too."""
         if not self.alive:
             return
         if not self.stops:

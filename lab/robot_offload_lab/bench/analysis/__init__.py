@@ -1,1 +1,1 @@
-"""From what the observers wrote to figures: pure, one module per group of figures."""
+"""Computes figures from what the observers wrote: pure, one module per group of figures."""

@@ -60,7 +60,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Fall:
-    """What came of a cut. Times in milliseconds, None where a moment was not seen."""
+    """The outcome of a cut. Times in milliseconds, None where a moment was not seen."""
 
     number: int
     direction: str
@@ -98,7 +98,7 @@ class CutAccount:
 
 
 def falls(account: CutAccount) -> tuple[Fall, ...]:
-    """Return what came of each cut."""
+    """Return the outcome of each cut."""
     placements = only(PlacementChange, account.robot)
     active = [event.t_s for event in only(Transition, account.robot) if event.state == "active"]
     good = good_beats(account.robot, account.loop_limit_s)

@@ -41,7 +41,7 @@ class Judged:
         detector: for people.
         noticed: from each cut until its report; None where there was none before the link was mended.
         back: from the mending until it is reported that the other side is back.
-        alarms: losses reported while nothing was cut; None where nobody watched for them.
+        alarms: losses reported while nothing was cut; None where they were not watched for.
         gaps: of commands at the consumer; only the product's.
     """
 
@@ -62,7 +62,7 @@ class DetectionAccount:
 
 
 def ours(falls: Sequence[Fall], alarms: int | None) -> Judged:
-    """Return the product's, from what came of each cut."""
+    """Return the product's result, from the outcome of each cut."""
     return Judged(
         OURS, tuple(f.noticed_ms for f in falls), tuple(f.back_ms for f in falls), alarms,
         tuple(f.gap_ms for f in falls),
@@ -70,7 +70,7 @@ def ours(falls: Sequence[Fall], alarms: int | None) -> Judged:
 
 
 def rival(kind: Rival, reports: Sequence[RivalReport], cuts: Sequence[Cut], quiet: Interval | None) -> Judged:
-    """Return a rival's, from what the rival reported. A cut shorter than the rival's patience does not count."""
+    """Return a rival's result, from its reports. A cut shorter than the rival's patience does not count."""
     said = [one for one in reports if one.rival == kind.name]
     seen = [cut for cut in cuts if kind.patience_s is None or cut.healed_s - cut.cut_s > kind.patience_s]
     ends = {cut.number: after.cut_s for cut, after in itertools.pairwise(cuts)}

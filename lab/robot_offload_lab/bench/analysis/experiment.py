@@ -67,14 +67,14 @@ class Travelled:
 
     @property
     def all_ms(self) -> tuple[float, ...]:
-        """Of all kinds."""
+        """The latencies of all kinds."""
         return tuple(value for values in self.latencies_ms.values() for value in values)
 
 
 def latencies(
     arrivals: Iterable[Arrival], window: Interval, within: Sequence[Interval], *, halved: bool
 ) -> list[float]:
-    """Return of the messages made in the window that arrived while the far end was in charge, milliseconds."""
+    """Return the latencies of the window's messages that arrived with the far end in charge, milliseconds."""
     return [
         travel_ms(arrival) / (2 if halved else 1)
         for arrival in arrivals

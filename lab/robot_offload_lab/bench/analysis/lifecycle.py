@@ -45,15 +45,15 @@ class Rounds:
 
     @classmethod
     def from_json(cls, case: TransitionCase, said: Mapping[str, Any]) -> Rounds:
-        """Return it from the manager's lines."""
+        """Return the rounds from the manager's lines."""
         return cls(case, {word: said[word] for word in TRANSITIONS}, said["refused"], said["unanswered"])
 
     def each(self, transition: str) -> tuple[float, ...]:
-        """Return of single nodes."""
+        """Return the times of single nodes."""
         return tuple(value for answers in self.answers[transition] for value in answers)
 
     def whole(self, transition: str) -> tuple[float, ...]:
-        """Return of all nodes of a round together: the last answer."""
+        """Return the times of all nodes of a round together: those of the last answers."""
         return tuple(max(answers) for answers in self.answers[transition] if answers)
 
     @property

@@ -28,7 +28,7 @@ class Cell:
     """One kind of link.
 
     Attributes:
-        rate_mbit: it drains so much each way.
+        rate_mbit: the rate at which it drains, each way.
         round_trip_ms: without any queue.
         loss_percent: packets lost at random each way.
     """
@@ -49,7 +49,7 @@ class TopicLoad:
 
     @property
     def mbit_s(self) -> float:
-        """What it asks of a link."""
+        """The rate that it needs of a link."""
         return self.size * 8 * self.rate_hz / 1e6
 
 

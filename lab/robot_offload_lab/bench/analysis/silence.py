@@ -18,7 +18,7 @@ from robot_offload_lab.judge.recording import PlacementChange
 GROUP: Final = "silence"
 MUST_TAKEOVERS: Final = 2
 REPORTED_MINUTES: Final = 60.0
-"""The limit is for so long."""
+"""The limit applies to this length of time."""
 
 
 def outcome(priority: Priority, watched: Sequence[tuple[BenchCase, QuietStretch]]) -> GroupResult:

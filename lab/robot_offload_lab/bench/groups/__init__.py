@@ -1,1 +1,1 @@
-"""Running what is measured, one module per group of figures; what came of it is judged in `analysis`."""
+"""Runs the measurements, one module per group of figures; `analysis` judges the results."""

@@ -18,7 +18,7 @@ CASE: Final = BenchCase("cuts", LinkOptions(delay="5ms"), tolerance_ms=30)
 SHORT_S: Final = 2.0
 LONG_S: Final = 10.0
 LONGER_S: Final = (0.0, 0.7)
-"""Each cut lasts longer by a time at random, so that it ends in every phase of the attempts to reconnect."""
+"""Each cut is lengthened by a random time, so that it ends in every phase of the attempts to reconnect."""
 STAY_FACTOR: Final = 5.0
 """The cloud then stays in charge this many times as long as its return took: cuts are rare enough for 80 %."""
 STAY_MORE_S: Final = (1.0, 1.5)
@@ -38,7 +38,7 @@ def order_of_cuts(amounts: Amounts, chance: random.Random) -> list[tuple[Directi
 
 
 def run(order: Order) -> GroupResult:
-    """Cut the link, mends it, wait until the policy has gone back to the cloud, and stay there for a while."""
+    """Cut the link, restore it, wait until the policy has returned to the cloud, and stay there for a while."""
     chance = random.Random(order.seed)
     done = []
     with MeasuredSystem(CASE, order.watching(CASE.name)) as world:

@@ -122,7 +122,7 @@ class _Rivals:
         return tuple(RivalReport(**said) for said in self._stage.said[WATCHER])
 
     def until_back(self) -> None:
-        """Wait until every one says that the cloud is there."""
+        """Wait until every rival reports that the cloud is there."""
         self._stage.until(self._all_back, "the rivals find the other host", BACK_PATIENCE_S)
 
     def _all_back(self) -> bool:
@@ -130,13 +130,13 @@ class _Rivals:
         return all(newest.get(rival.name) is False for rival in RIVALS)
 
     def cut(self, which: str | None) -> float:
-        """Cut or mends; return the moment."""
+        """Cut or restore the link; return the moment."""
         before_s = steady_s()
         self._hosts.cut("both" if which else None)
         return steady_s() if which else before_s
 
     def judged(self, quiet: Interval | None) -> list[Judged]:
-        """Return what became of each."""
+        """Return the result of each."""
         self._stage.follow()
         return [detect.rival(kind, self.reports, self.cuts, quiet) for kind in RIVALS]
 

@@ -195,7 +195,7 @@ def _record(order: Order, stage: Stage) -> Recorded:
 
 
 def _window(order: Order, rest: Callable[[float], None]) -> Interval:
-    """Let as many messages travel as were asked for."""
+    """Let the requested number of messages travel."""
     start_s = steady_s()
     rest(order.amounts.messages / RATE_HZ)
     return Interval(start_s, steady_s())

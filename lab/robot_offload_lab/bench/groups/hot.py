@@ -19,7 +19,7 @@ CASE: Final = BenchCase(
 )  # fmt: skip
 """The cloud comes back soon, so that many cuts fit into a run; what a cut costs does not depend on that."""
 LEARN_S: Final = 4.0
-"""In which a hundred messages of the cloud are heard: before, nothing is taken for lost."""
+"""Time in which a hundred messages of the cloud are received; before, no message is taken for lost."""
 CUT_S: Final = (0.4, 0.6)
 """Longer than the two loss timeouts within which a takeover by silence is judged."""
 STAY_S: Final = (0.3, 0.6)
@@ -45,7 +45,7 @@ def run(order: Order) -> GroupResult:
 
 
 def _cut(world: MeasuredSystem, number: int, chance: random.Random) -> Cut:
-    """Cut the link in a stay of the cloud, mends it, and wait until the cloud is in charge again."""
+    """Cut the link in a stay of the cloud, restore it, and wait until the cloud is in charge again."""
     world.until(lambda: world.site == "cloud", "the cloud is in charge before a cut")
     world.rest(chance.uniform(*STAY_S))
     length_s = chance.uniform(*CUT_S)

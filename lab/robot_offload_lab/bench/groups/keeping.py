@@ -26,7 +26,7 @@ CASES: Final = tuple(
 CUT_S: Final = 0.6
 STAY_S: Final = (0.8, 1.4)
 LARGE_CUTS: Final = 3
-"""As many of the largest at most."""
+"""Most cuts with the largest size."""
 
 
 def run(order: Order) -> GroupResult:

@@ -68,7 +68,7 @@ def checked_out(commit: str) -> Iterator[Path]:
     """Provide the tree of a commit of this repository in a folder of its own.
 
     Raises:
-        InputError: there is no such commit, or this is no clone.
+        InputError: there is no such commit, or this is not a clone.
     """
     with tempfile.TemporaryDirectory(prefix="ro-tree-") as folder:
         tree = Path(folder) / "tree"
@@ -86,7 +86,7 @@ def _git(*words: str) -> None:
 
 
 def usages(pids: Sequence[int]) -> tuple[Usage, ...]:
-    """Return what each process has used so far, and hold now."""
+    """Return what each process has used so far, and holds now."""
     return tuple(_usage(Path(f"/proc/{pid}")) for pid in pids)
 
 

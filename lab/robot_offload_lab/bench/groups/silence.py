@@ -35,7 +35,7 @@ RELIABLE: Final[BenchCase] = dataclasses.replace(
 )
 """The command is reliable, as a publisher's default is: what is lost comes late."""
 BEST_EFFORT: Final = dataclasses.replace(RELIABLE, name="best-effort", output=BAD.output)
-"""What is lost never comes, and looks like the silence of its sender."""
+"""Lost messages never come, and look like silence of their sender."""
 CASES: Final = (RELIABLE, BEST_EFFORT)
 
 

@@ -1,6 +1,6 @@
 """Sends every message of the ten types back as it came, bytes for bytes: a lifecycle node that knows nothing of agents.
 
-Parameter `by_itself`: it makes itself Active at the start, because nobody manages it.
+Parameter `by_itself`: it makes itself Active at the start, because it has no manager.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ VERSION: Final = 1
 
 
 class Keeper(Replica, StatefulNode):
-    """See the module."""
+    """A replica that publishes snapshots and records what it goes on from."""
 
     def __init__(self) -> None:
         super().__init__()
