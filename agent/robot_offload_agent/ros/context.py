@@ -8,11 +8,11 @@ import threading
 from collections.abc import Callable
 
 import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as rclpy_native
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from robot_offload_agent.ros.thrifty import ThriftyExecutor
 from robot_offload_agent.settings.parameters import Configuration
 from robot_offload_core.words.checks import BROKEN_EXIT, InvariantError
 
@@ -69,5 +69,11 @@ def make_node(configuration: Configuration, name: str) -> Node:
 
 
 def spin(*nodes: Node) -> None:
-    """Spin until rclpy is shut down. One thread only: rclpy's EventsExecutor deadlocks."""
-    ThriftyExecutor(nodes).spin_while(is_up)
+    """Spin until rclpy is shut down. SingleThreadedExecutor only: the EventsExecutor deadlocks."""
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        return
