@@ -25,6 +25,7 @@ from robot_offload_core.record import audit
 from robot_offload_lab.blackbox import ring
 from robot_offload_lab.blackbox.decided import Totals, moments
 from robot_offload_lab.judge import recording
+from robot_offload_lab.judge.busy import BUSY_SHARE
 from robot_offload_lab.run import marked, usage
 from tests.viewers import shown
 
@@ -36,8 +37,6 @@ PATIENCE_S = 200.0
 ENDED_S = 60.0
 SUCCEEDED = 4
 """action_msgs/msg/GoalStatus.STATUS_SUCCEEDED."""
-CROWDED_SHARE = 0.8
-"""Share of all cores in use, from before the start to after the end, beyond which no process was on time."""
 KEYS = {
     "schema", "mode", "duration_s", "seed", "switches", "outputs", "collisions", "goal_reached", "placement_share",
     "cloud_share_of_good_time", "messages_passed", "detector_alarms", "link", "violations",
@@ -167,8 +166,8 @@ def assert_changeovers_recorded(files: list[Path]) -> None:
     assert "HeartbeatLost" in reasons
 
 
-def assert_goals_recorded(file: Path, endings: set[int]) -> None:
-    """A navigation's feedback is there, and one of `endings` as the result of a goal of it, with the goal's id."""
+def assert_goals_recorded(file: Path) -> None:
+    """A navigation's feedback is there, and the result of each goal that came to its end, with the goal's id."""
     read: dict[str, list[Any]] = {}
     with AnyReader([file]) as bag:
         for connection, _, raw in bag.messages():
@@ -179,7 +178,7 @@ def assert_goals_recorded(file: Path, endings: set[int]) -> None:
     events = read["/navigate_to_pose/_action/get_result/_service_event"]
     results = {bytes(event.request[0].goal_id.uuid): event.response[0].status for event in events}
     assert len(results) == len(events), "each goal is asked once"
-    assert endings & {results.get(goal_id) for goal_id in guided}
+    assert SUCCEEDED in {results.get(goal_id) for goal_id in guided}
 
 
 def packaged(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -375,6 +374,7 @@ def assert_goes_on(report: dict[str, Any]) -> None:
     """The first goal was reached through changes of the side, with state, and every part of the robot was heard."""
     goals, outputs = report["goals"], report["outputs"]
     assert goals[0]["ending"] == "succeeded"
+    assert all(goal["results"] == (goal["ending"] == "succeeded") for goal in goals)
     assert sum(goal["restarts"] for goal in goals) >= 2
     assert any(taking["age_ms"] is not None for taking in report["state"])
     assert outputs["/cmd_vel_nav"]["received"] > 50
@@ -392,7 +392,7 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     except subprocess.TimeoutExpired:
         said, errors = "", f"no end within {PATIENCE_S} s"
     report = json.loads(said or "{}")
-    crowded = usage.busy_share(before, usage.read({})) > CROWDED_SHARE
+    crowded = usage.busy_share(before, usage.read({})) >= BUSY_SHARE
     if crowded and not report:
         pytest.skip(f"22 nodes, half of them twice, are too much for this computer: {errors}")
     assert report, errors
@@ -404,5 +404,5 @@ def test_a_whole_robot_goes_on_with_its_goals_through_two_outages(demo: Demo) ->
     assert report["processor"]["robot-agent"] > 0
     if not crowded:
         assert_goes_on(report)
-        assert_goals_recorded(demo.out / "run.mcap", {SUCCEEDED})
+        assert_goals_recorded(demo.out / "run.mcap")
     assert demo.left() == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import logging
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -78,13 +79,6 @@ class Unanswered:
     since_s: float
 
 
-class Known:
-    """A state that a node has reported; each report is an object of its own."""
-
-    def __init__(self, state: State) -> None:
-        self.state = state
-
-
 class ManagedNodes:
     """Service clients of one side's managed nodes. Calls are made on the deciding thread and answered on ROS's."""
 
@@ -98,7 +92,7 @@ class ManagedNodes:
         self.read: dict[str, Any] = {}
         self.pending: dict[Any, Any] = {}  # client -> its newest call
         self.unanswered: dict[str, Unanswered] = {}
-        self.known: dict[str, Known] = {}
+        self.known: dict[str, tuple[float, State]] = {}  # when a node last reported a state, and which
         self.inhibits: deque[Any] = deque()
         self.watched: list[Any] = []
         self.managers: dict[str, set[str]] = {}
@@ -197,14 +191,14 @@ class ManagedNodes:
         if not client.service_is_ready():
             self.post(managed_nodes.Observed(name, State.UNKNOWN))
             return
-        known = self.known.get(name)
+        asked_s = now_s()
 
         def done(future: Any) -> None:
             response = future.result()
             state = STATES.get(response.current_state.id) if response is not None else None
-            newer = self.known.get(name)
-            if newer is not known and newer is not None:
-                state = newer.state  # the node has changed since it was asked
+            known_s, known = self.known.get(name, (-math.inf, None))
+            if known_s >= asked_s:
+                state = known  # the node has changed since it was asked
             if state is State.UNCONFIGURED:
                 self._forget_unless_configuring(name)
             if state is not None:  # in transition: the event reports its end
@@ -214,7 +208,7 @@ class ManagedNodes:
 
     def _know(self, name: str, state: State) -> None:
         """Note a state that the node has reported by itself or by an answer: it is newer than reads under way."""
-        self.known[name] = Known(state)
+        self.known[name] = now_s(), state
 
     def _forget_unless_configuring(self, name: str) -> None:
         """Wait no longer for a process that was started anew; one that is to be configured may still do that."""

@@ -28,9 +28,8 @@ def read(weight: Weight, used_s: float, now_s: float) -> Weight:
     """Take a reading; begin anew when a process has ended and taken its processor time with it."""
     if weight.readings and used_s < weight.readings[-1][1]:
         return Weight(((now_s, used_s),))
-    kept = [each for each in weight.readings if now_s - each[0] <= WINDOW_S]
-    before = weight.readings[len(weight.readings) - len(kept) - 1 :][:1] if len(kept) < len(weight.readings) else ()
-    return Weight((*before, *kept, (now_s, used_s)))
+    old = sum(now_s - at_s >= WINDOW_S for at_s, _ in weight.readings)
+    return Weight((*weight.readings[max(0, old - 1) :], (now_s, used_s)))
 
 
 def share(weight: Weight, cores: int) -> float | None:

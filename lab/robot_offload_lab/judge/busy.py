@@ -26,8 +26,6 @@ STARVED_CHANGES: Final = 5
 """Such changes in a run: more than any test's killed processes cause."""
 BUSY_SHARE: Final = 0.9
 """Share of all cores in use: beyond it each process waits for others."""
-
-
 STOOD_S: Final = 0.1
 """A ready process that waits longer than this, more than a lost heartbeat takes, shows that none can be on time."""
 

@@ -211,11 +211,10 @@ def _hear(cloud: Cloud, beat: Beat, arrived_s: float, now_s: float) -> Cloud:
 def _granted(cloud: Cloud, beat: Beat, permission: Permission) -> Granted:
     """Return what a permission grants, anchored to the beat of ours that it echoes."""
     echo = beat.echo
-    echoes = echo is not None and echo.incarnation == cloud.incarnation
+    echo_s = echo.sent_us / 1e6 if echo is not None and echo.incarnation == cloud.incarnation else None
     return Granted(
         Token(beat.incarnation, permission.epoch, permission.cloud), permission.granted, permission.in_charge,
-        permission.presence, echo.sent_us / 1e6 if echo is not None and echoes else None,
-        min(cloud.settings.lease_s, permission.lease_us / 1e6),
+        permission.presence, echo_s, min(cloud.settings.lease_s, permission.lease_us / 1e6),
     )  # fmt: skip
 
 
