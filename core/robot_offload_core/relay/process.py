@@ -74,8 +74,7 @@ class RelayProcess(ABC):
         """Take the servers in the graph that this relay calls: (face, public name, endpoints).
 
         To be called at changes and once a second. `endpoints` is any text that changes when the server was started
-        again (the
-        sorted gids of its request readers): a server that changed has forgotten its goals.
+        again (the sorted gids of its request readers): a server that changed has forgotten its goals.
         """
 
     # -- answers of servers -------------------------------------------------------------------------------------------

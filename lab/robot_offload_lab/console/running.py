@@ -53,7 +53,7 @@ class DemoSource:
         return Fleet("demo")
 
     async def run(self, publish: Publish) -> None:
-        """Publish what `tell` delivers, until cancelled."""
+        """Publish the states of the run that the demo's thread hands over, until cancelled."""
         publish(Declared(self._key, self._wishes.manifest))
         self._loop, self._publish = asyncio.get_running_loop(), publish
         await asyncio.Event().wait()

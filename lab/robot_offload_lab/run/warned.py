@@ -13,7 +13,7 @@ from robot_offload_core.words.problems import Problem
 from robot_offload_core.words.reasons import Reason
 
 _LINE: Final = re.compile(r"\S+ WARNING (?P<side>robot|cloud)\.report: (?P<message>.+) reason=(?P<reason>\w+)")
-"""A new problem in an agent's log (robot_offload_agent.ros.report); other warnings tell of the link and of nodes."""
+"""A new problem in an agent's log (robot_offload_agent.ros.report); other warnings concern the link and the nodes."""
 STARTING: Final = frozenset({Problem.NO_PUBLISHER, Problem.NODE_UNSEEN, Problem.REPLICA_MISSING, NodeEvent.DEGRADED})
 """True of every start: nodes come up one after the other."""
 _ADVICE: Final = {word.value: word.advice for kind in (Reason, NodeEvent, Problem) for word in kind}

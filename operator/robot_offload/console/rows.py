@@ -16,7 +16,7 @@ SPARK_HEIGHT: Final = 24
 SPARK_POINTS: Final = 60
 """One for each two seconds: more would not be visible on so little room."""
 PLACES: Final = {ROBOT: "▲ Robot", CLOUD: "☁ Cloud"}
-"""A sign as well as a word, so that colours need not be told apart."""
+"""A sign beside the word, readable without seeing colours."""
 SORTED_LAST: Final = 1e12
 
 

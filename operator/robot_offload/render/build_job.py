@@ -29,7 +29,7 @@ KEPT_S: Final = 3600
 BUILDER_USER: Final = 1000
 """The user of the builder's image that may use further user ids."""
 _FETCH_USER: Final = 65534
-"""nobody: a user whose name every base image knows, as ssh requires."""
+"""The user `nobody`: every base image has an entry for it, which ssh requires."""
 _WEB_PORTS: Final = (80, 443)
 _SSH_PORT: Final = 22
 
